@@ -126,5 +126,8 @@ _FLUIDS = (
     ),
 )
 
+USUAL_POISSON = Quantity(0.35, u=0.05, source="usual: metals 0.28 to 0.35, polymers 0.35 to 0.42")
+"""Poisson's ratio of an elastic layer of which nothing is known."""
+
 PASSIVE: tuple[Material, ...] = (*_ELASTIC, *_ELECTRODES, *_BACKINGS, *_FLUIDS)
 """Every material of the library that is not piezoelectric."""

@@ -115,17 +115,19 @@ def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> S
     return Section.of(orders, ceramics[0])
 
 
-def with_reduced_section(stack: Stack2D, low: float, high: float, kept: float = KEPT) -> tuple[Stack2D, float]:
-    """Return the stack over the functions of z that it needs between two frequencies in Hz, and their error.
+def with_reduced_section(
+    stack: Stack2D, bands: Sequence[tuple[float, float]], kept: float = KEPT
+) -> tuple[Stack2D, float]:
+    """Return the stack over the functions of z that it needs in these bands in Hz, and their error.
 
     The error is that of the capacitance, relative, against functions of higher degree that are not reduced, between
     the frequencies of which samples were taken.
     """
-    asked = np.linspace(low, high, 2 * _PLACES + 1)
-    full = full_section(stack.layers, high)
-    section = reduced(full, stack.sizes, stack.over(asked[::2]), asked[::2], kept)
-    made = replace(stack, section=section)
-    return made, section_error(made, asked[1::2])
+    asked = [np.linspace(low, high, 2 * _PLACES + 1) for low, high in bands]
+    sampled, between = (np.concatenate([own[start::2] for own in asked]) for start in (0, 1))
+    full = full_section(stack.layers, max(high for _, high in bands))
+    made = replace(stack, section=reduced(full, stack.sizes, stack.over(sampled), sampled, kept))
+    return made, section_error(made, between)
 
 
 def section_error(stack: Stack2D, frequency: Frequencies) -> float:

@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ....models.base.arrays import Frequencies, Reals
+from ....models.base.arrays import Frequencies
 from ....models.constants.passivity import passivity_margin
 from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.disk_model import Disk2D
@@ -23,7 +23,7 @@ from ....models.disk2d.training import HIGHEST, LARGEST, SMALLEST, ensured
 from ....models.effects import Added, Device
 from ....models.stack import CausalConstantQ
 from ...engine.covariance import estimate
-from ...engine.descent import Descent, descend, with_model_discrepancy
+from ...engine.descent import Descent, descend
 from ...engine.fitted_model import FittedModel
 from ...engine.objective import Objective
 from ...engine.parameters.assembly import stack_of
@@ -33,6 +33,7 @@ from ...interface import FitError, FitResult, FitTask, TaskError
 from ..bare_disk import BareDisk, bare_disk
 from ..planar_result import PLANAR_UNITS, Named, planar_answer, radial_named
 from .determined_constants import undetermined
+from .misfit_as_noise import at_level, judged, left_of
 from .predictions import predictions, sentence
 from .reduced_disk_cache import reduced_disk
 from .tensor_coordinates import COORDINATES, tensor_block
@@ -151,18 +152,15 @@ def with_effects(
         Recording(disk.step, sweep, model, noise) for sweep, noise in zip(disk.sweeps, disk.noises, strict=True)
     ]
     for _ in range(_TOGETHER):
-        recordings = [_at_level(each, coordinates, x) for each in recordings]
+        recordings = [at_level(each, coordinates, x) for each in recordings]
         step = descend(Objective(recordings, coordinates, before.priors), x, _TOLERANCE, _MOST)
         evaluations, x = evaluations + step.evaluations, step.x
-        left = _left(recordings, coordinates, x)
+        left = left_of(recordings, coordinates, x)
         settled = left > (1 - _STILL) * last
         last = left
         if settled:
             break
-    judged = list(map(with_model_discrepancy, recordings, Objective(recordings, coordinates, ()).log_ratios(x)))
-    objective = Objective(judged, coordinates, before.priors)
-    cost = float(np.sum(objective.residual(x) ** 2)) / 2
-    return replace(found, descent=Descent(objective, coordinates.x, x, cost, settled, evaluations))
+    return replace(found, descent=judged(recordings, coordinates, before.priors, x, settled, evaluations))
 
 
 def disk_result(found: FittedDisk, seconds: float) -> FitResult:
@@ -180,7 +178,7 @@ def disk_result(found: FittedDisk, seconds: float) -> FitResult:
         f"{found.error:.1g} of the capacitance (estimated from its residual in the full equations).",
         f"Passivity check passed: the smallest loss tangent is {passivity_margin(tensor.law):.2g} (Holland).",
         *undetermined(descent, layer),
-        *unusual(disk, tensor),
+        *unusual(disk.layer, tensor),
     )
     named = Named(Disk2DFitter.name, Disk2DFitter.version)
     answer = planar_answer(named, disk, descent, make, says, seconds)
@@ -292,33 +290,15 @@ def _descend(
     error, before, settled = math.inf, math.inf, False
     for _ in range(rounds):
         model, error = _checked(disk, full, model.replace(coordinates.forward(x)[0]))
-        recordings = [_at_level(replace(each, model=model), coordinates, x) for each in recordings]
+        recordings = [at_level(replace(each, model=model), coordinates, x) for each in recordings]
         last = descend(Objective(recordings, coordinates, priors), x, _TOLERANCE, _MOST)
         evaluations, x = evaluations + last.evaluations, last.x
-        left = _left(recordings, coordinates, x)
+        left = left_of(recordings, coordinates, x)
         settled = last.converged or (recordings[0].misfit > 0 and left > (1 - _STILL) * before)
         before = left
         if settled:
             break
-    judged = list(map(with_model_discrepancy, recordings, Objective(recordings, coordinates, priors).log_ratios(x)))
-    objective = Objective(judged, coordinates, priors)
-    cost = float(np.sum(objective.residual(x) ** 2)) / 2
-    return Descent(objective, coordinates.x, x, cost, settled, evaluations), error
-
-
-def _left(recordings: Sequence[Recording], coordinates: Coordinates, x: Reals) -> float:
-    """Return the norm of the residual ln(Z_model/Z) over all recordings."""
-    ratios = Objective(recordings, coordinates, ()).log_ratios(x)
-    return math.sqrt(sum(float(np.sum(np.abs(ratio) ** 2)) for ratio in ratios))
-
-
-def _at_level(recording: Recording, coordinates: Coordinates, x: Reals) -> Recording:
-    """Return the recording with its misfit counted as noise of independent points.
-
-    This determines the minimum; the effect of correlated misfit on the uncertainty is left to the covariance.
-    """
-    (ratio,) = Objective([recording], coordinates, ()).log_ratios(x)
-    return replace(with_model_discrepancy(recording, ratio), correlation=1.0)
+    return judged(recordings, coordinates, priors, x, settled, evaluations), error
 
 
 def _checked(disk: BareDisk, full: FullDisk, model: Disk2D) -> tuple[Disk2D, float]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ....models.base.errors import PzctlError
-from ....models.build import Quantity
+from ....models.build import LayerSpec, Quantity
 from ....models.constants.passivity import tensor_coordinates
 from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.disk_model import Disk2D
@@ -18,7 +18,7 @@ from ...engine.recording import Posterior, Prior
 from ..bare_disk import BareDisk
 from .tensor_coordinates import LOSSES, TURNS
 
-_WIDTHS: Mapping[str, float] = {
+WIDTHS: Mapping[str, float] = {
     "c11E": 0.12,
     "c12E": 0.16,
     "c13E": 0.14,
@@ -30,16 +30,22 @@ _WIDTHS: Mapping[str, float] = {
     "eps11S": 0.25,
     "eps33S": 0.20,
 }
-# Prior relative standard uncertainties: the scatter among the complete sets of the library. Two published sets of the
-# same Pz27 differ by 20 % in c11E, c12E, c13E and by 43 % in e31.
-_AXIAL = dict.fromkeys(("c11E", "c12E", "c13E", "c44E"), "c33E") | {
+"""Prior relative standard uncertainties: the scatter among the complete sets of the library.
+
+Two published sets of the same Pz27 differ by 20 % in c11E, c12E, c13E and by 43 % in e31.
+"""
+AXIAL = dict.fromkeys(("c11E", "c12E", "c13E", "c44E"), "c33E") | {
     "e31": "e33",
     "e15": "e33",
     "eps11S": "eps33S",
 }
-_PLANE = 0.12
-# Half the prior relative uncertainty of s11E - s12E and of s11E + s12E. They are known far better than c11E and c12E
-# suggest: the sets of the library that differ by 20 % in each differ by as much in the difference.
+"""The axial constant of the kind of each other one: softer and stiffer ceramics have their ratio in common."""
+PLANE = 0.12
+"""Half the prior relative uncertainty of s11E - s12E and of s11E + s12E.
+
+They are known far better than c11E and c12E suggest: the sets of the library that differ by 20 % in each differ by as
+much in the difference.
+"""
 _LOSS, _LOSS_FACTOR = 0.01, 2.7
 # Loss tangents of PZT: 1e-3 for hard, 3e-2 for the softest; the logarithm has this standard deviation.
 _ANGLE = 0.03
@@ -82,17 +88,17 @@ def _has_coordinates(tensor: Tensor6mm) -> bool:
     return True
 
 
-def expected(disk: BareDisk) -> dict[str, float]:
+def expected(layer: LayerSpec) -> dict[str, float]:
     """Return the real parts of the ten constants of the layer's material, else the library's mean; SI units."""
-    tensor = _tensor(disk.layer.values)
+    tensor = _tensor(layer.values)
     sets = [tensor] if tensor is not None else list(library().values())
     return {name: float(np.mean([complex(getattr(each, name)).real for each in sets])) for name in CONSTANTS}
 
 
-def unusual(disk: BareDisk, found: Tensor6mm) -> tuple[str, ...]:
+def unusual(layer: LayerSpec, found: Tensor6mm) -> tuple[str, ...]:
     """Return a sentence on the constants that deviate unusually far from those of this kind of ceramic, if any."""
-    off = {name: getattr(found, name).real / value - 1 for name, value in expected(disk).items()}
-    deviating = [f"{disk.layer.name}.{name} {100 * part:+.0f} %" for name, part in off.items() if _far(name, part)]
+    off = {name: getattr(found, name).real / value - 1 for name, value in expected(layer).items()}
+    deviating = [f"{layer.name}.{name} {100 * part:+.0f} %" for name, part in off.items() if _far(name, part)]
     if not deviating:
         return ()
     return (
@@ -102,7 +108,7 @@ def unusual(disk: BareDisk, found: Tensor6mm) -> tuple[str, ...]:
 
 
 def _far(constant: str, part: float) -> bool:
-    return abs(part) > _UNUSUAL * _WIDTHS[constant]
+    return abs(part) > _UNUSUAL * WIDTHS[constant]
 
 
 def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
@@ -111,11 +117,11 @@ def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
     Uses the prior scatter of the fits: chi2 of the ratios of constants to the axial one of their kind (which softer and
     stiffer ceramics have in common) and of losses above the usual, in excess of its mean.
     """
-    usual = expected(disk)
+    usual = expected(disk.layer)
     part = {
-        name: (found[name].real / found[axial].real) / (usual[name] / usual[axial]) for name, axial in _AXIAL.items()
+        name: (found[name].real / found[axial].real) / (usual[name] / usual[axial]) for name, axial in AXIAL.items()
     }
-    z = [(ratio - 1) / _WIDTHS[name] for name, ratio in part.items()]
+    z = [(ratio - 1) / WIDTHS[name] for name, ratio in part.items()]
     lossy = [abs(found[name].imag / found[name].real) for name in ("c11E", "c33E", "c44E", "eps11S", "eps33S")]
     z += [max(0.0, math.log(max(loss, _LOSS) / _LOSS) / math.log(_LOSS_FACTOR)) for loss in lossy]
     return 0.5 * max(0.0, float(np.sum(np.square(z))) - len(z))
@@ -123,12 +129,15 @@ def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
 
 def tensor_priors(disk: BareDisk) -> tuple[Prior | Posterior, ...]:
     """Return the priors of the ten constants, and of sizes and density."""
-    at = disk.layer.name
-    priors: list[Prior] = []
-    for name, value in expected(disk).items():
-        priors.append(Prior(f"{at}.{name}.re", value, _WIDTHS[name] * abs(value)))
     sizes = (Prior(disk.size_name(name), q.re, q.u) for name, q in disk.sizes.items() if q.u > 0)
-    return (*priors, *sizes, _plane_prior(at, expected(disk)), _loss_prior(at))
+    return (*ceramic_priors(disk.layer), *sizes)
+
+
+def ceramic_priors(layer: LayerSpec) -> tuple[Prior | Posterior, ...]:
+    """Return the priors of the ten constants of a layer."""
+    at, usual = layer.name, expected(layer)
+    priors = (Prior(f"{at}.{name}.re", value, WIDTHS[name] * abs(value)) for name, value in usual.items())
+    return (*priors, _plane_prior(at, usual), _loss_prior(at))
 
 
 def _plane_prior(layer: str, c: Mapping[str, float]) -> Posterior:
@@ -136,7 +145,7 @@ def _plane_prior(layer: str, c: Mapping[str, float]) -> Posterior:
     minus = 1 / (c["c11E"] - c["c12E"])
     plus = 1 / (c["c11E"] + c["c12E"] - 2 * c["c13E"] ** 2 / c["c33E"])
     names = (f"{layer}.tensor.minus0", f"{layer}.tensor.axial0")
-    return Posterior(names, np.log([minus, plus]) / 2, np.eye(2) / _PLANE)
+    return Posterior(names, np.log([minus, plus]) / 2, np.eye(2) / PLANE)
 
 
 def _loss_prior(layer: str) -> Posterior:

@@ -50,7 +50,7 @@ def searched(
     coarse = [replace(_thinned(recording), model=model) for recording in recordings]
     evaluations = len(places)
     if enough > 0:
-        x, more = _followed(coarse, coordinates, priors, places, _HURRIED, jobs)
+        x, more = followed(coarse, coordinates, priors, places, _HURRIED, jobs)
         ratios = Objective(coarse, coordinates, ()).log_ratios(x)
         left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios)
         evaluations += more
@@ -58,11 +58,11 @@ def searched(
             raise FitError(f"a disk of finite diameter leaves {left:.2g} of ln Z, more than {hopeless:.2g}")
         if left < enough:
             return x, evaluations
-    x, more = _followed(coarse, coordinates, priors, places, _SEARCH, jobs)
+    x, more = followed(coarse, coordinates, priors, places, _SEARCH, jobs)
     return x, evaluations + more
 
 
-def _followed(
+def followed(
     coarse: Sequence[Recording],
     coordinates: Coordinates,
     priors: Sequence[Known],
@@ -70,6 +70,10 @@ def _followed(
     search: Sequence[tuple[float, int, int]],
     jobs: int,
 ) -> tuple[Reals, int]:
+    """Return the deepest place that descents from `places` lead to, and the number of evaluations.
+
+    `search`: successive misfits that are counted as noise, the number of places followed, and the steps from each.
+    """
     evaluations = 0
     for misfit, count, most in search:
         objective = Objective([replace(each, misfit=misfit) for each in coarse], coordinates, priors)

@@ -83,13 +83,13 @@ def test_derivatives_are_exact(law):
 
 def test_a_reduced_section_serves_and_says_how_well():
     built = stack(DISK, GLUE, MATCHING)
-    fewer, error = with_reduced_section(built, 0.2e6, 1.4e6)
+    fewer, error = with_reduced_section(built, [(0.2e6, 1.4e6)])
     assert fewer.section.size < built.section.size
     assert error < 1e-3
     assert difference(fewer.impedance(F), stack(DISK, GLUE, MATCHING, finer=4).impedance(F)) < 2 * error
     softer = fewer.replace({"disk.c11E.re": 0.9 * TENSOR.c11E.real, "ml1.poisson": 0.38})
     assert section_error(softer, F) < 2e-3
-    bare, error = with_reduced_section(stack(DISK), 0.2e6, 1.4e6)
+    bare, error = with_reduced_section(stack(DISK), [(0.2e6, 1.4e6)])
     assert bare.section.size < 0.5 * stack(DISK).section.size  # it moves symmetrically
     assert error < 1e-4
 

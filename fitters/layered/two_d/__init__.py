@@ -1,0 +1,1 @@
+"""The fitter of a glued stack of finite diameter, in two dimensions."""

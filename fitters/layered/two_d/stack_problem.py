@@ -1,0 +1,205 @@
+"""What a fit of a stack in two dimensions starts from: recordings within reach, models of the steps, coordinates."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from ....models.build import Build, LayerSpec
+from ....models.constants.tensor import Tensor6mm
+from ....models.disk2d.matrices import CONSTANTS
+from ....models.disk2d.training import HIGHEST
+from ....models.materials.passive import USUAL_POISSON
+from ....models.stack.laws import LossLaw
+from ....models.stack2d.layers2d import Ceramic2D, Isotropic
+from ....models.stack2d.stack_model import Layer2D, Stack2D, full_section
+from ....models.sweep import Sweep
+from ...disk.two_d.tensor_coordinates import COORDINATES
+from ...disk.two_d.tensor_start import ceramic_priors
+from ...engine.multi_step_fit import check_task, refuse_effects
+from ...engine.noise import noise_of
+from ...engine.parameters.assembly import PIEZO_CONSTANTS, coordinates_of, layers_of, nominal_parameters, priors_of
+from ...engine.parameters.coordinates import Coordinates, between
+from ...engine.recording import Posterior, Prior
+from ...interface import FitError, FitTask, Noise, TaskError
+from .plate_block import plate_block
+
+NAME = "stack2d"
+_FEWEST = 10
+# Points of a sweep within reach below which it is left out.
+
+
+@dataclass(frozen=True, eq=False)
+class StackProblem:
+    """The recordings of a stack with one piezoelectric layer, and its build."""
+
+    build: Build
+    """With a Poisson's ratio for each elastic layer."""
+    sweeps: Mapping[str, tuple[Sweep, ...]]
+    """By step in gluing order, up to the model's highest frequency; repeats on one grid are averaged."""
+    noise: Mapping[str, Noise]
+    """By step."""
+    noises: Mapping[str, tuple[Reals, ...]]
+    """Standard deviation of Re and Im of ln Z at each point of each sweep, shape (N,)."""
+    free: tuple[str, ...] | None
+
+    @property
+    def disk(self) -> LayerSpec:
+        """The piezoelectric layer."""
+        return self.build.piezos[0]
+
+    @property
+    def bare(self) -> str | None:
+        """The step that has the piezoelectric layer alone, if it was recorded."""
+        return next((step for step in self.sweeps if self.build.step(step).layers == (self.disk.name,)), None)
+
+    @property
+    def reference(self) -> float:
+        """Reference frequency of the constants in Hz: the geometric mean of the band of all recordings."""
+        every = [sweep.frequency for sweeps in self.sweeps.values() for sweep in sweeps]
+        return math.sqrt(float(min(f[0] for f in every)) * float(max(f[-1] for f in every)))
+
+    def bands(self, step: str) -> list[tuple[float, float]]:
+        """Return the ends of each sweep of a step, Hz."""
+        return [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in self.sweeps[step]]
+
+
+def problem_of(task: FitTask) -> StackProblem:
+    """Return the problem of a task. Raises FitError or TaskError for a build or recordings that the model lacks."""
+    build, sweeps = check_task(replace(task, free=None))
+    refuse_effects(build, NAME)
+    _refuse(build)
+    highest = HIGHEST / build.piezos[0].values["thickness"].re
+    noise: dict[str, Noise] = {}
+    noises: dict[str, tuple[Reals, ...]] = {}
+    kept: dict[str, tuple[Sweep, ...]] = {}
+    for step, of_step in sweeps.items():
+        noise[step], sigmas = noise_of(of_step)
+        within = [(sweep.frequency <= highest, sweep, s) for sweep, s in zip(of_step, sigmas, strict=True)]
+        within = [one for one in within if np.count_nonzero(one[0]) >= _FEWEST]
+        kept[step] = tuple(
+            replace(sweep, frequency=sweep.frequency[at], impedance=sweep.impedance[at]) for at, sweep, _ in within
+        )
+        noises[step] = tuple(s[at] for at, _, s in within)
+    kept = {step: own for step, own in kept.items() if own}
+    if not kept:
+        raise FitError(
+            f"`{NAME}` reaches up to {highest / 1e3:.4g} kHz for a disk of this thickness; no recording is below it"
+        )
+    return StackProblem(_with_poisson(build), kept, noise, noises, task.free)
+
+
+def _refuse(build: Build) -> None:
+    """Raise TaskError for what the model lacks."""
+    if len(build.piezos) != 1:
+        names = ", ".join(layer.name for layer in build.piezos)
+        raise TaskError(f"`{NAME}` covers one piezoelectric layer; build {build.name!r} has {names}")
+    if build.bolt is not None:
+        raise TaskError(f"`{NAME}` covers no bolt; build {build.name!r} has one: fit it with mason")
+    if build.diameter is None:
+        raise TaskError(f"`{NAME}` covers round stacks; build {build.name!r} gives an area and no diameter")
+    disk = build.piezos[0]
+    shorter = disk.values.get("electrode_diameter")
+    if shorter is not None and shorter.re < build.diameter.re:
+        raise TaskError(f"`{NAME}` covers electrodes up to the rim; electrode_diameter_mm of {disk.name!r} is smaller")
+    for name in PIEZO_CONSTANTS:
+        if disk.values[name].bounds is not None:
+            raise TaskError(f"cannot bound '{disk.name}.{name}': `{NAME}` moves it together with others; give it a u")
+
+
+def _with_poisson(build: Build) -> Build:
+    """Return the build with the usual Poisson's ratio for each elastic layer that has none."""
+
+    def completed(layer: LayerSpec) -> LayerSpec:
+        if layer.kind == "piezo" or "poisson" in layer.values:
+            return layer
+        return replace(layer, values={**layer.values, "poisson": USUAL_POISSON})
+
+    return replace(build, layers=tuple(map(completed, build.layers)))
+
+
+def tensor_values(layer: str, tensor: Tensor6mm) -> dict[str, float]:
+    """Return the ten constants of a tensor, and c33D and h33, as model parameters."""
+    own = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
+    own |= {"c33D": tensor.thickness.c33D, "h33": tensor.thickness.h33}
+    return {
+        f"{layer}.{name}.{part}": getattr(z, attribute)
+        for name, z in own.items()
+        for part, attribute in (("re", "real"), ("im", "imag"))
+    }
+
+
+def tensor_of(values: Mapping[str, float], layer: str) -> Tensor6mm:
+    """Return the tensor of model parameters."""
+    return Tensor6mm(*(complex(values[f"{layer}.{c}.re"], values[f"{layer}.{c}.im"]) for c in CONSTANTS))
+
+
+def nominal(problem: StackProblem, tensor: Tensor6mm) -> dict[str, float]:
+    """Return every parameter of the build at its nominal value, with this tensor."""
+    return {**nominal_parameters(problem.build), **tensor_values(problem.disk.name, tensor)}
+
+
+def stack_of(problem: StackProblem, step: str, values: Mapping[str, float], law: LossLaw) -> Stack2D:
+    """Return the model of a step, with all functions of z for its highest frequency."""
+    build = problem.build
+    ground = {layer: f"{layer}.thickness@{since}" for layer, (since, _) in build.reground(step).items()}
+    layers: list[Layer2D] = []
+    for name in build.step(step).layers:
+        thickness = values[ground.get(name, f"{name}.thickness")]
+        if name == problem.disk.name:
+            layers.append(Ceramic2D(name, tensor_of(values, name), thickness, values[f"{name}.density"], law))
+        else:
+            z, c, q, poisson = (values[f"{name}.{key}"] for key in ("z", "c", "q", "poisson"))
+            layers.append(Isotropic(name, thickness, z, c, q, poisson, law))
+    highest = max(high for _, high in problem.bands(step))
+    section = full_section(layers, highest)
+    back, front = (values.get(f"{face}.z", 0.0) for face in ("back", "front"))
+    return Stack2D(tuple(layers), values["area"], section, back, front)
+
+
+def stack_coordinates(problem: StackProblem, steps: Sequence[str], start: Mapping[str, float]) -> Coordinates:
+    """Return the coordinates of a fit over these steps. Raises TaskError for a name that cannot be freed.
+
+    They are those of the one-dimensional stack, with all ten constants of the ceramic in place of three, and a
+    Poisson's ratio for each elastic layer.
+    """
+    at, layers = problem.disk.name, layers_of(problem.build, steps)
+    elastic = [layer for layer in layers if layer.kind == "elastic"]
+    rest, own = _freed(problem, [layer.name for layer in elastic])
+    plate = {f"{at}.{name}{loss}" for name in PIEZO_CONSTANTS for loss in ("", ".loss")}
+    base = coordinates_of(problem.build, steps, start, rest)
+    blocks = [block for block in base.blocks if not set(block.coordinates) & plate]
+    ratios = {f"{layer.name}.poisson": layer.values["poisson"] for layer in elastic}
+    free = {name for name in base.free if name not in plate} | {f"{at}.{name}" for name in COORDINATES}
+    free |= {name for name, value in ratios.items() if (value.u > 0 if own is None else name in own)}
+    return Coordinates((plate_block(at), *blocks, *(between(name, 0.0, 0.5) for name in ratios)), start, tuple(free))
+
+
+def _freed(problem: StackProblem, elastic: Sequence[str]) -> tuple[tuple[str, ...] | None, set[str] | None]:
+    """Return the names to free among those of the one-dimensional stack, and the others; None for the usual ones."""
+    if problem.free is None:
+        return None, None
+    at = problem.disk.name
+    whole, ratios = {f"{at}.{name}" for name in CONSTANTS}, {f"{name}.poisson" for name in elastic}
+    later = {layer.name for layer in problem.build.layers} - {at, *elastic}
+    given = {name for name in problem.free if name.partition(".")[0] not in later}
+    if not whole <= given:
+        left = min(whole - given)
+        raise TaskError(f"`{NAME}` frees all ten constants together; {left!r} is not among those to free")
+    follow = given & {f"{at}.c33D", f"{at}.h33"}
+    if follow:
+        raise TaskError(f"cannot free {min(follow)!r}: `{NAME}` has it from the ten constants of {at!r}")
+    return tuple(given - whole - ratios), given
+
+
+def stack_priors(problem: StackProblem, steps: Sequence[str]) -> tuple[Prior | Posterior, ...]:
+    """Return the priors of these steps: those of the build, and for the ceramic those of any piezoceramic.
+
+    What the build file itself states of c33D, h33 and eps33S counts, too.
+    """
+    values = problem.disk.values
+    doubted = {f"{problem.disk.name}.{name}" for name in PIEZO_CONSTANTS if values[name].source != "build.toml"}
+    own = (one for one in priors_of(problem.build, steps) if one.parameter.removesuffix(".re") not in doubted)
+    return (*own, *ceramic_priors(problem.disk))

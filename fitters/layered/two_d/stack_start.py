@@ -1,0 +1,108 @@
+"""Where a fit of a stack in two dimensions starts: the one-dimensional answer, and tensors that agree with it."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ....models.base.arrays import Reals
+from ....models.base.errors import PzctlError
+from ....models.constants.tensor import Tensor6mm
+from ....models.disk2d.matrices import CONSTANTS
+from ...disk.two_d.tensor_start import AXIAL, PLANE, WIDTHS, expected, library
+from ...engine.multi_step_fit import solve
+from ...engine.parameters.coordinates import Coordinates
+from ...engine.recording import Recording
+from ...interface import FitTask
+from .stack_problem import StackProblem, tensor_values
+
+_LEAST_LOSS, _MOST_LOSS = 1e-3, 0.1
+# Limits of the loss tangents of a start; the one-dimensional fit mistakes ripple for loss.
+_SOFTEST = 0.3
+# Least part of c33D that c33E can be: more would be a coupling above 0.84, which no ceramic has.
+_TRIES = 40
+# Draws for each tensor wanted, at most.
+_COARSE = 100
+# Points of each sweep for a search.
+
+
+def one_dimensional(problem: StackProblem, progress: Callable[[str], None]) -> dict[str, float]:
+    """Return every parameter of the one-dimensional fit of all steps. Raises FitError as `mason` does."""
+    solution = solve(FitTask(problem.build, problem.sweeps), progress)
+    return solution.descent.objective.coordinates.forward(solution.descent.x)[0]
+
+
+def usual_tensor(problem: StackProblem, plate: Mapping[str, float]) -> Tensor6mm:
+    """Return the tensor of the build's material with the thickness-mode constants of `plate`."""
+    return _agreeing(problem.disk.name, expected(problem.disk), plate)
+
+
+def library_starts(problem: StackProblem, plate: Mapping[str, float], coordinates: Coordinates) -> list[Reals]:
+    """Return the coordinates of each tensor of the library with the thickness-mode constants of `plate`."""
+    real = ({name: complex(getattr(tensor, name)).real for name in CONSTANTS} for tensor in library().values())
+    made = [_agreeing(problem.disk.name, usual, plate) for usual in (expected(problem.disk), *real)]
+    return [x for x in (_inverse(problem, tensor, coordinates) for tensor in made) if x is not None]
+
+
+def drawn_starts(
+    problem: StackProblem, plate: Mapping[str, float], coordinates: Coordinates, count: int, rng: np.random.Generator
+) -> list[Reals]:
+    """Return the coordinates of random tensors: the prior's, with the thickness-mode constants of `plate`."""
+    usual = expected(problem.disk)
+    lateral = [name for name in CONSTANTS if name in AXIAL]
+    made: list[Reals] = []
+    for _ in range(_TRIES * count):
+        drawn = usual | {name: usual[name] * (1 + WIDTHS[name] * rng.normal()) for name in lateral}
+        if _likelihood(drawn, usual) < rng.uniform():
+            continue
+        x = _inverse(problem, _agreeing(problem.disk.name, drawn, plate), coordinates)
+        if x is not None:
+            made.append(x)
+        if len(made) == count:
+            break
+    return made
+
+
+def _likelihood(drawn: Mapping[str, float], usual: Mapping[str, float]) -> float:
+    """Return the prior density of s11E - s12E and s11E + s12E over its largest value."""
+    minus, plus = _plane(drawn)
+    if minus <= 0 or plus <= 0:
+        return 0.0
+    ratios = [math.log(one / other) for one, other in zip((minus, plus), _plane(usual), strict=True)]
+    return math.exp(-sum((ratio / (2 * PLANE)) ** 2 for ratio in ratios) / 2)
+
+
+def _plane(c: Mapping[str, float]) -> tuple[float, float]:
+    """Return the stiffnesses 1/(s11E - s12E) and 1/(s11E + s12E), Pa."""
+    return c["c11E"] - c["c12E"], c["c11E"] + c["c12E"] - 2 * c["c13E"] ** 2 / c["c33E"]
+
+
+def _inverse(problem: StackProblem, tensor: Tensor6mm, coordinates: Coordinates) -> Reals | None:
+    """Return the coordinates of a tensor; None if it is none of a stable material."""
+    try:
+        return coordinates.inverse({**coordinates.start, **tensor_values(problem.disk.name, tensor)})
+    except PzctlError:
+        return None
+
+
+def _agreeing(layer: str, usual: Mapping[str, float], plate: Mapping[str, float]) -> Tensor6mm:
+    """Return real constants scaled to the real parts of c33D, h33 and eps33S, with one loss of each kind."""
+    c, h, eps = (complex(plate[f"{layer}.{n}.re"], plate[f"{layer}.{n}.im"]) for n in ("c33D", "h33", "eps33S"))
+    axial = {"eps33S": eps.real, "e33": h.real * eps.real}
+    axial["c33E"] = max(c.real - h.real * axial["e33"], _SOFTEST * c.real)
+    elastic, dielectric = (min(max(loss, _LEAST_LOSS), _MOST_LOSS) for loss in (c.imag / c.real, -eps.imag / eps.real))
+    losses = {"c": 1 + 1j * elastic, "e": 1.0, "eps": 1 - 1j * dielectric}
+    made: list[complex] = []
+    for name in CONSTANTS:
+        of_kind = AXIAL.get(name, name)
+        kind = "eps" if name.startswith("eps") else name[0]
+        made.append(complex(usual[name] * axial[of_kind] / usual[of_kind] * losses[kind]))
+    return Tensor6mm(*made)
+
+
+def thinned(recording: Recording) -> Recording:
+    """Return the recording with every n-th point only, for a search."""
+    sweep, every = recording.sweep, max(1, recording.sweep.frequency.size // _COARSE)
+    few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
+    return replace(recording, sweep=few, noise=recording.noise[::every])
