@@ -1,7 +1,7 @@
 """Where a fit of a stack in two dimensions starts: the one-dimensional answer, and tensors that agree with it."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from ....models.disk2d.matrices import CONSTANTS
 from ...disk.two_d.tensor_start import AXIAL, PLANE, WIDTHS, expected, library
 from ...engine.multi_step_fit import solve
 from ...engine.parameters.coordinates import Coordinates
-from ...engine.recording import Recording
+from ...engine.recording import Prior, Recording
 from ...interface import FitTask
 from .stack_problem import StackProblem, tensor_values
 
@@ -23,6 +23,8 @@ _SOFTEST = 0.3
 # Least part of c33D that c33E can be: more would be a coupling above 0.84, which no ceramic has.
 _TRIES = 40
 # Draws for each tensor wanted, at most.
+_NEARER, _WIDEST = 0.5, 0.5
+# Part of the prior width from which constants of a layer are drawn, and the largest width of a coordinate, a logarithm.
 _COARSE = 100
 # Points of each sweep for a search.
 
@@ -62,6 +64,25 @@ def drawn_starts(
         if len(made) == count:
             break
     return made
+
+
+def drawn_layers(
+    layers: Sequence[str], coordinates: Coordinates, known: Sequence[Prior], count: int, rng: np.random.Generator
+) -> list[Reals]:
+    """Return starts with random constants of these layers: their Poisson's ratio from the prior, others nearer.
+
+    The one-dimensional answer tells the others in part; they are drawn from the prior with half its width.
+    """
+    _, chain = coordinates.forward(coordinates.x)
+    row = {name: k for k, name in enumerate(coordinates.parameters)}
+    width = np.zeros(coordinates.x.size)
+    for prior in known:
+        if prior.parameter.partition(".")[0] not in layers or prior.parameter not in row:
+            continue
+        at = int(np.argmax(np.abs(chain[row[prior.parameter]])))
+        share = 1.0 if prior.parameter.endswith(".poisson") else _NEARER
+        width[at] = share * prior.u / abs(float(chain[row[prior.parameter], at]))
+    return [coordinates.x + np.minimum(width, _WIDEST) * rng.normal(size=width.size) for _ in range(count)]
 
 
 def _likelihood(drawn: Mapping[str, float], usual: Mapping[str, float]) -> float:

@@ -12,22 +12,18 @@ from ....models.stack.laws import CONSTANT, LossLaw
 from ....models.stack2d.reduction import KEPT
 from ....models.stack2d.stack_model import with_reduced_section
 from ...disk.two_d.misfit_as_noise import at_level, judged, left_of
-from ...disk.two_d.valley_search import followed
 from ...engine.descent import Descent, descend
 from ...engine.objective import Objective
-from ...engine.parameters.assembly import renamed
-from ...engine.recording import Recording
-from .lateral_search import searched
+from ...engine.parameters.assembly import layers_of, renamed
+from ...engine.recording import Prior, Recording
+from .lateral_search import Effort, searched
 from .stack_problem import StackProblem, nominal, stack_coordinates, stack_of, stack_priors, tensor_values
-from .stack_start import drawn_starts, library_starts, one_dimensional, thinned, usual_tensor
+from .stack_start import drawn_layers, drawn_starts, library_starts, one_dimensional, thinned, usual_tensor
 
-_DRAWN, _DRAWN_GLUED = (4, 200), (2, 60)
-# Rounds of the search for the first step, and random tensors in each: of a bare disk, and of a stack, which costs more.
-_ROUGH = 3e-3
+_BARE, _STACK, _LAYERS = Effort(4, 200), Effort(2, 60), Effort(3, 40)
+# Search for the constants of a bare disk, of a disk that was never measured bare, and of further layers.
+_ROUGH = 1e-2
 # Part of the largest singular value down to which functions of z are kept for the search.
-_GLUED = ((0.1, 1, 8), (0.03, 1, 12), (0.01, 1, 15))
-# For a further step, which starts from the one-dimensional answer: successive misfits that count as noise, the number of
-# places followed, and the steps from each.
 _TOLERANCE = 1e-5
 _ROUNDS, _STILL, _MOST = 8, 0.01, 10
 # Finally the remaining misfit is counted as noise and the descent repeated, until it falls by less than 1 %.
@@ -54,14 +50,10 @@ def fitted_stack(problem: StackProblem, progress: Callable[[str], None]) -> Fitt
     first, *later = problem.sweeps
     progress(f"fitting {first} in two dimensions")
     law, values, evaluations = _first(problem, first, values)
-    steps = [first]
-    for step in later:
-        steps.append(step)
+    for k, step in enumerate(later, 2):
         progress(f"fitting {step} in two dimensions")
-        coordinates = stack_coordinates(problem, steps, values)
-        few = [thinned(one) for one in _recordings(problem, steps, values, law)[0]]
-        x, more = followed(few, coordinates, stack_priors(problem, steps), [coordinates.x], _GLUED, 1)
-        values, evaluations = {**values, **coordinates.forward(x)[0]}, evaluations + more
+        values, more = _further(problem, list(problem.sweeps)[:k], values, law)
+        evaluations += more
     progress("fitting all steps together in two dimensions")
     return _settled(problem, values, law, evaluations)
 
@@ -70,15 +62,15 @@ def _first(problem: StackProblem, step: str, values: Mapping[str, float]) -> tup
     """Return the loss law that describes the first step better, its parameters there, and the number of evaluations."""
     laws: tuple[LossLaw, ...] = (CausalConstantQ(problem.reference), CONSTANT)
     coordinates, priors = stack_coordinates(problem, [step], values), stack_priors(problem, [step])
-    few = [thinned(one) for one in _recordings(problem, [step], values, laws[0], _ROUGH)[0]]
+    rough, error = _recordings(problem, [step], values, laws[0], _ROUGH)
     rng = np.random.default_rng(1)
 
     def drawn(count: int) -> list[Reals]:
         return drawn_starts(problem, values, coordinates, count, rng)
 
-    rounds, count = _DRAWN if problem.build.step(step).layers == (problem.disk.name,) else _DRAWN_GLUED
+    effort = _BARE if problem.build.step(step).layers == (problem.disk.name,) else _STACK
     given = library_starts(problem, values, coordinates)
-    x, evaluations = searched(few, coordinates, priors, given, drawn, rounds, count)
+    x, evaluations = searched(list(map(thinned, rough)), coordinates, priors, given, drawn, effort, error)
     tried: list[tuple[float, int, Reals]] = []
     for k, law in enumerate(laws):
         there = {**values, **coordinates.forward(x)[0]}
@@ -88,6 +80,25 @@ def _first(problem: StackProblem, step: str, values: Mapping[str, float]) -> tup
         tried.append((left_of(whole, coordinates, end.x), k, end.x))
     _, best, x = min(tried, key=lambda one: one[:2])
     return laws[best], {**values, **coordinates.forward(x)[0]}, evaluations
+
+
+def _further(
+    problem: StackProblem, steps: Sequence[str], values: Mapping[str, float], law: LossLaw
+) -> tuple[dict[str, float], int]:
+    """Return the parameters with those of the last of these steps, and the number of evaluations."""
+    coordinates, priors = stack_coordinates(problem, steps, values), stack_priors(problem, steps)
+    rough, error = _recordings(problem, steps, values, law, _ROUGH)
+    before = {layer.name for layer in layers_of(problem.build, steps[:-1])}
+    new = [name for name in problem.build.step(steps[-1]).layers if name not in before]
+    known = [prior for prior in priors if isinstance(prior, Prior)]
+    rng = np.random.default_rng(1)
+
+    def drawn(count: int) -> list[Reals]:
+        return drawn_layers(new, coordinates, known, count, rng)
+
+    few = list(map(thinned, rough))
+    x, evaluations = searched(few, coordinates, priors, [coordinates.x], drawn, _LAYERS, error)
+    return {**values, **coordinates.forward(x)[0]}, evaluations
 
 
 def _recordings(
