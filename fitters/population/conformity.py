@@ -10,8 +10,6 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from scipy.special import ndtr, ndtri
-
 from ...models.build import Build
 from ...models.specification import Limit, Specification
 from ..interface import Constant, FitResult
@@ -69,6 +67,8 @@ def worst(verdicts: Sequence[Verdict]) -> Verdict:
 
 def keeping_probability(value: float, u: float, limit: Limit) -> float:
     """Return the probability that the true value keeps the limit, for a normally distributed error."""
+    from scipy.special import ndtr  # imported late: slow to load, and only for a build with limits
+
     if u == 0:
         return float((limit.low is None or value >= limit.low) and (limit.high is None or value <= limit.high))
     above = 1.0 if limit.high is None else float(ndtr((limit.high - value) / u))
@@ -91,6 +91,8 @@ def _one(name: str, limit: Limit, result: FitResult, conformance: float) -> Conf
     if constant is None:
         return _undecided(name, limit, None, None, "", f"{result.fitter} does not determine it")
     value, u = (constant.im, constant.u_im) if name != bare else (constant.re, constant.u_re)
+    from scipy.special import ndtri
+
     why = _open(constant, value, u, result)
     if why or u is None:
         return _undecided(name, limit, value if math.isfinite(value) else None, u, constant.unit, why)

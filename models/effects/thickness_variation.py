@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import roots_jacobi
 
 from ..base.arrays import Reals
 from ..stack import Stack
@@ -96,6 +95,8 @@ def _strips(stack: Stack, w: float) -> int:
 @lru_cache(maxsize=64)
 def _gauss(n: int, shape: float) -> tuple[Reals, Reals]:
     """Return nodes and normalised weights of Gauss-Jacobi quadrature with the density of this shape."""
+    from scipy.special import roots_jacobi  # imported late: a list of the effects need not wait for it
+
     nodes, weights = roots_jacobi(n, shape - 1, shape - 1)
     return nodes, weights / np.sum(weights)
 

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import expit, logit
 
 from ....models.base.arrays import Reals
 
@@ -72,12 +71,16 @@ def between(name: str, lower: float, upper: float) -> Block:
     low, high = (np.log(lower), np.log(upper)) if log else (lower, upper)
 
     def forward(x: Reals) -> tuple[Reals, Reals]:
+        from scipy.special import expit  # imported late: who only lists or exports samples need not wait for it
+
         part = expit(x)
         inner, slope = low + (high - low) * part, (high - low) * part * (1 - part)
         p = np.exp(inner) if log else inner
         return p, (slope * p if log else slope)[:, None]
 
     def inverse(p: Reals) -> Reals:
+        from scipy.special import logit
+
         inner = np.log(np.maximum(p, lower)) if log else p
         return logit(np.clip((inner - low) / (high - low), 1e-4, 1 - 1e-4))
 
