@@ -16,10 +16,11 @@ BUILD = read_build(THESIS_BUILD)
     [
         (Disk(load=4e5), "face-load", "face:front", "resistance", 4e5 - 413),
         (Disk(dead=15e-6), "surface-layer", "layer:disk", "back", 15e-6),
+        (Disk(loose=0.2), "bond-void", "interface:disk|glue1", "fraction", 0.2),
         (Disk(loose=0.35), "bond-void", "interface:disk|glue1", "fraction", 0.35),
         (replace(Disk(), e33=14.4), "poling", "layer:disk", "ln e33", -0.10536),
     ],
-    ids=["load", "dead layer", "a third of the glue gone", "depoled by a tenth"],
+    ids=["load", "dead layer", "a fifth of the glue gone", "a third of the glue gone", "depoled by a tenth"],
 )
 def test_a_change_inside_is_named_with_place_and_size(
     changed: Disk, effect: str, where: str, size: str, true: float
@@ -31,6 +32,25 @@ def test_a_change_inside_is_named_with_place_and_size(
     assert finding.parameters[size].value == pytest.approx(
         true, abs=max(3 * finding.parameters[size].u, 0.05 * abs(true))
     )
+
+
+def test_a_load_that_is_gone_was_there_before() -> None:
+    (finding,) = compare([recorded(Disk(load=4e5), 1)], [recorded(Disk(), 2)], BUILD, "ml1").findings
+    assert (finding.effect, finding.where, finding.removed) == ("face-load", "face:front", True)
+    assert finding.parameters["resistance"].value == pytest.approx(4e5, rel=0.05)
+
+
+def test_a_matching_layer_that_came_on_is_that_of_the_next_step() -> None:
+    (finding,) = compare([recorded(Disk(matched=False), 1)], [recorded(Disk(), 2)], BUILD, "disk").findings
+    assert (finding.effect, finding.where, finding.removed) == ("glued-layer", "layer:ml1", False)
+    assert finding.parameters["ml1.z"].value == pytest.approx(10.3e6, rel=0.06)
+
+
+def test_a_resistance_in_the_cable_is_none_of_the_device() -> None:
+    sweep = recorded(Disk(), 2)
+    after = replace(sweep, impedance=sweep.impedance + 10.0)
+    (finding,) = compare([recorded(Disk(), 1)], [after], BUILD, "ml1").findings
+    assert (finding.effect, finding.where) == ("series-resistance", "terminals")
 
 
 def test_a_matching_layer_that_came_off_is_that_of_the_present_step() -> None:

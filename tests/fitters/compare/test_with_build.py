@@ -1,4 +1,4 @@
-"""Changes inside of a device whose build is given."""
+"""Changes inside of a device whose build is given; tests/benchmarks/test_compare_with_build.py has more of them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,48 +20,21 @@ def compared(change: Callable[[Disk], Disk], step: str = "ml1") -> Comparison:
     return compare([recorded(device, 1)], [recorded(change(device), 2)], BUILD, step)
 
 
-@pytest.mark.parametrize(
-    ("change", "effect", "where", "size", "true"),
-    [
-        (lambda one: replace(one, e33=15.2), "poling", "layer:disk", "ln e33", np.log(0.95)),
-        (lambda one: replace(one, loose=0.2), "bond-void", "interface:disk|glue1", "fraction", 0.2),
-    ],
-    ids=["depoled", "glue come off"],
-)
-def test_a_change_inside_is_named_with_place_and_size_although_the_model_describes_neither_recording(
-    change: Callable[[Disk], Disk], effect: str, where: str, size: str, true: float
-) -> None:
-    found = compared(change)
+def test_a_change_inside_is_named_with_place_and_size_although_the_model_describes_neither_recording() -> None:
+    found = compared(lambda one: replace(one, e33=15.2))
+    true = np.log(0.95)
     assert found.verdict == "explained"
     (finding,) = found.findings
-    assert (finding.effect, finding.where, finding.step, finding.removed) == (effect, where, "ml1", False)
-    found_size = finding.parameters[size]
+    assert (finding.effect, finding.where, finding.step, finding.removed) == ("poling", "layer:disk", "ml1", False)
+    found_size = finding.parameters["ln e33"]
     assert found_size.value == pytest.approx(true, abs=max(3 * found_size.u, 0.05 * abs(true)))
     assert found_size.u < 0.15 * abs(true)
     assert found.described_by is not None
     assert found.described_by.rms_log_error > 20 * 2e-4, "the build lacks the lead and the spurious mode"
 
 
-def test_a_load_that_is_gone_was_there_before() -> None:
-    wet, dry = Disk(load=4e5), Disk()
-    found = compare([recorded(wet, 1)], [recorded(dry, 2)], BUILD, "ml1")
-    (finding,) = found.findings
-    assert (finding.effect, finding.where, finding.removed) == ("face-load", "face:front", True)
-    assert finding.parameters["resistance"].value == pytest.approx(4e5, rel=0.05)
-
-
-def test_a_matching_layer_that_came_on_is_that_of_the_next_step() -> None:
-    (finding,) = compare([recorded(Disk(matched=False), 1)], [recorded(Disk(), 2)], BUILD, "disk").findings
-    assert (finding.effect, finding.where, finding.removed) == ("glued-layer", "layer:ml1", False)
-    assert finding.parameters["ml1.z"].value == pytest.approx(10.3e6, rel=0.06)
-
-
-def test_an_unchanged_device_and_a_cable_are_still_what_they_are() -> None:
+def test_an_unchanged_device_is_unchanged() -> None:
     assert compared(lambda one: one).verdict == "unchanged"
-    before = recorded(Disk(), 1)
-    after = replace(recorded(Disk(), 2), impedance=recorded(Disk(), 2).impedance + 10.0)
-    (finding,) = compare([before], [after], BUILD, "ml1").findings
-    assert (finding.effect, finding.where) == ("series-resistance", "terminals")
 
 
 def test_a_step_that_the_build_has_not_is_refused_in_a_sentence() -> None:
