@@ -9,6 +9,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: parallel tests share two cores
+# One fitter in daemons that the command line starts; the second, which only compares, has tests that name it.
+os.environ.setdefault("PZCTL_FITTERS", "mason")
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False  # otherwise each of a thousand processes compiles the package again
 

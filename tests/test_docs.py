@@ -49,7 +49,7 @@ def _fewer(points: re.Match[str]) -> str:
 @pytest.mark.parametrize("name", PAGES)
 def test_every_command_of_a_guide_works(name: str, tmp_path: Path) -> None:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = {**os.environ, "PATH": path, "PZCTL_HOME": str(tmp_path / "home"), "PZCTL_FITTERS": "mason"}
+    environment = {**os.environ, "PATH": path, "PZCTL_HOME": str(tmp_path / "home")}
     shorter = POINTS.sub(_fewer, (DOCS / name).read_text(encoding="utf-8"))  # the same without the wait
     for port in set(PORT.findall(shorter)):
         shorter = shorter.replace(port, str(free_port()))

@@ -1,5 +1,6 @@
 """Fitter disk2d where it needs its whole search: a ceramic far from the library's, and a real disk."""
 
+import json
 import os
 from dataclasses import replace
 
@@ -7,14 +8,17 @@ import numpy as np
 import pytest
 from disk_build import disk_build
 
+from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, finite_disk
+from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, disk_result, finite_disk, fitted_disk, with_effects
 from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
+from pzctl.fitters.engine.parameters.coordinates import positive
 from pzctl.fitters.interface import FitTask
 from pzctl.models.constants.passivity import passivity_margin
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.disk2d.matrices import CONSTANTS
+from pzctl.models.effects import Added, find_effect
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
 
@@ -61,3 +65,19 @@ def test_the_real_disk_of_20_by_2_mm_is_fitted_without_a_manual_start(recordings
     assert passivity_margin(tensor.law) > 0
     assert 0.42 < tensor.thickness.kt.real < 0.55
     assert 500 < tensor.eps33S.real / 8.854e-12 < 1100
+
+
+def test_a_lead_is_fitted_to_a_finite_element_disk(lab_cases):
+    folder = lab_cases / "finite-disk-lead"
+    truth = json.loads((lab_cases / "truth.json").read_text())["finite-disk-lead"]
+    sweep = read_recording(folder / "disk.csv")
+    few = replace(sweep, frequency=sweep.frequency[::16], impedance=sweep.impedance[::16])
+    alone = fitted_disk(FitTask(read_build(folder / "build.toml"), {"disk": (few,)}), rounds=2, enough=0.1)
+    lead = find_effect("lead-inductance")
+    name = "lead-inductance@terminals.inductance"
+    added = Added(lead, "terminals", {"inductance": 0.0, "resistance": 0.0, "skin": 0.0, "capacitance": 0.0})
+    whole = with_effects(alone, [added], [positive(name)], {name: 2e-8})
+    result = disk_result(whole, 0.0)
+    assert result.rms_log_error < 0.05 * disk_result(alone, 0.0).rms_log_error
+    values, _ = whole.descent.objective.coordinates.forward(whole.descent.x)
+    assert values[name] == pytest.approx(truth["findings"][1]["inductance"], rel=0.02)

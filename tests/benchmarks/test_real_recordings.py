@@ -10,4 +10,8 @@ def test_every_recording_is_diagnosed(recordings: Path, tmp_path: Path) -> None:
     answers = {one.device.name: one for one in write_page(recordings, page)}
     print(page.read_text())
     assert any(one.effect == "lateral-modes" for one in answers["disk-20x2/thickness-mode"].findings)
+    for name in ("MD1", "sampleadmittance"):
+        assert [one.effect for one in answers[f"hp4294a-exports/{name}"].findings][:1] == ["polarity"]
+    for name in ("T61", "T64"):
+        assert answers[f"pvdf-on-kapton/{name}"].verdict in ("partly-explained", "unexplained")
     assert len(answers) == len({path for one in answers.values() for path in one.device.paths}) - 1  # two of one disk

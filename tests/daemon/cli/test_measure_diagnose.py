@@ -27,7 +27,7 @@ diameter_mm = 16.0
 layers = [{ name = "disk", kind = "piezo", material = "Pz27", thickness_mm = { value = 0.512, u = 0.001 } }]
 load = { back = "air", front = "air" }
 steps = [{ name = "disk", layers = ["disk"] }]
-sweep = { segments = [{ start_MHz = 3, stop_MHz = 5, points = 161 }], oscillator_V = 0.5, bandwidth = 5 }
+sweep = { segments = [{ start_MHz = 3, stop_MHz = 5, points = 81 }], oscillator_V = 0.5, bandwidth = 5 }
 """
 
 

@@ -17,6 +17,7 @@ PZCTL = Path(sys.executable).with_name("pzctl")
 def pzctl(*words: str, home: Path) -> "subprocess.CompletedProcess[str]":
     """Run the command line on its own data folder."""
     environment = {**os.environ, "PZCTL_HOME": str(home)}
+    environment.pop("PZCTL_FITTERS")  # a daemon's own choice
     return subprocess.run(
         [PZCTL, *words], env=environment, capture_output=True, text=True, timeout=110, check=False, cwd=home
     )

@@ -21,7 +21,7 @@ def guide(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """The names that the guide's code defines, in a folder with a disk's recordings without and with a longer lead."""
     folder = tmp_path_factory.mktemp("guide")
     (folder / "build.toml").write_text(THESIS_BUILD.read_text(encoding="utf-8"), encoding="utf-8")
-    f = np.linspace(1e6, 8e6, 201)
+    f = np.linspace(1e6, 8e6, 101)
     rng = np.random.default_rng(5)
     Z = pzctl.model(folder / "build.toml", "disk").impedance(f)
     for name, seen in (("disk", Z), ("after", Z + 2j * np.pi * f * LEAD)):
