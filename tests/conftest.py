@@ -39,7 +39,11 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that start processes as `system`: they use such a fixture, or their module imports such a name."""
+    """Run the guides first, which take longest; mark tests that start processes as `system`.
+
+    Such a test uses a fixture that starts one, or its module imports such a name.
+    """
+    items.sort(key=lambda item: not item.path.name.startswith("test_docs"))
     for item in items:
         imported = vars(item.module) if isinstance(item, pytest.Function) else {}
         fixtures = getattr(item, "fixturenames", ())

@@ -170,9 +170,10 @@ def test_the_impedance_is_accurate_from_40_hz_to_110_mhz(name: str) -> None:
 def test_every_derivative_is_exact(name: str) -> None:
     """d ln Z / dp against a central difference in 400 digits, where its own error is some 1e-60."""
     stack, names = STACKS[name], list(STACKS[name].parameters())
-    Z, J = stack.jacobian(FREQUENCIES[::2], names)
-    assert np.array_equal(Z, stack.impedance(FREQUENCIES[::2]))
-    for k, f in enumerate(FREQUENCIES[::2]):
+    some = FREQUENCIES[::4]
+    Z, J = stack.jacobian(some, names)
+    assert np.array_equal(Z, stack.impedance(some))
+    for k, f in enumerate(some):
         for p, parameter in enumerate(names):
             exact = complex(slope(stack, f, parameter))
             rounding = 1e-15 / abs(
