@@ -84,7 +84,8 @@ def run(options: DaemonOptions) -> None:
             log_name = "sim" if k == 0 else f"sim-{k + 1}"
             simulated = stack.enter_context(simulated_instrument(log_file(folder, log_name), options.simulator))
             there = replace(own, resource=simulated.instrument, bench=simulated.bench)
-            connections.append(_Connection(name, there, partial(open_visa, timeout_seconds=SIMULATED_SECONDS)))
+            open_simulated = partial(open_visa, timeout_seconds=SIMULATED_SECONDS)
+            connections.append(_Connection(name, there, open_simulated, options.simulator.get("time_scale", 1.0)))
         if not options.analyzers:
             only = connections[0].options
             options = replace(options, resource=only.resource, bench=only.bench)
@@ -98,6 +99,8 @@ class _Connection:
     name: str
     options: AnalyzerOptions
     open: Callable[[str], Analyzer]
+    pace: float = 1.0
+    """Real seconds per estimated second; less for a simulated instrument that is faster than a real one."""
 
     @property
     def resource(self) -> str:
@@ -164,7 +167,7 @@ async def _opened(connections: Sequence[_Connection], stack: AsyncExitStack) -> 
 
     One that does not answer keeps no other from being made safe. Raises InstrumentError if one did not.
     """
-    threads = [AnalyzerThread(connection.resource, connection.open) for connection in connections]
+    threads = [AnalyzerThread(connection.resource, connection.open, connection.pace) for connection in connections]
     for thread in threads:
         stack.push_async_callback(thread.close)
     identities = await asyncio.gather(*(thread.identify() for thread in threads), return_exceptions=True)

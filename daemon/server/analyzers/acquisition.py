@@ -26,6 +26,7 @@ from ...wire.events import (
     sweep_columns,
 )
 from ...wire.uuid7 import uuid7
+from .pace import Pace
 
 log = logging.getLogger(__name__)
 
@@ -60,8 +61,9 @@ class MeasurementJob:
 class AnalyzerThread:
     """An analyzer used by one thread only. After a failure it is closed, and opened again for the next job."""
 
-    def __init__(self, resource: str, open_analyzer: Callable[[str], Analyzer]) -> None:
+    def __init__(self, resource: str, open_analyzer: Callable[[str], Analyzer], pace: float = 1.0) -> None:
         self._resource = resource
+        self._pace = Pace(pace)
         self._open = open_analyzer
         self._analyzer: Analyzer | None = None
         self._last: Analyzer | None = None
@@ -102,7 +104,11 @@ class AnalyzerThread:
 
     def _measure(self, job: MeasurementJob, report: Callable[[Progress], None]) -> tuple[Sweep, ...]:
         try:
-            return self._opened().measure(job.plan, report, job.cancelled.is_set)
+            analyzer = self._opened()
+            progress = self._pace.corrected(analyzer.estimated_seconds(job.plan), report)
+            sweeps = analyzer.measure(job.plan, progress, job.cancelled.is_set)
+            progress.done()
+            return sweeps
         except Cancelled:
             raise
         except InstrumentError:
