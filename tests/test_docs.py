@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -133,3 +134,12 @@ def test_the_generator_builds_the_pages(tmp_path: Path) -> None:
     assert "first-measurement.html" in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
     version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     assert f"pzctl {version}" in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+
+
+def test_every_fitter_is_in_the_table_of_fitters_and_has_a_page() -> None:
+    table = (DOCS / "fitters.md").read_text(encoding="utf-8")
+    own = [point.name for point in entry_points(group="pzctl.fitters") if point.value.startswith("pzctl.")]
+    assert len(own) > 5
+    for name in own:
+        assert f"[`{name}`](fitters/{name}.md)" in table
+        assert (DOCS / "fitters" / f"{name}.md").exists()

@@ -2,6 +2,7 @@
 
 import { columns, draw, overlay } from "./plots.js";
 import { withUncertainty } from "./numbers.js";
+import { rested, working } from "./working.js";
 
 const $ = (id) => document.getElementById(id);
 const STEPS = 1000;
@@ -38,6 +39,7 @@ async function ask(path, made, then) {
   wanted = [path, made, then];
   if (busy) return;
   busy = true;
+  working("hand-working", path === "/api/fit" ? "Fitting" : "Computing the model");
   try {
     while (wanted) {
       const [where, body, done] = wanted;
@@ -50,7 +52,7 @@ async function ask(path, made, then) {
         if (body.measurement === subject) { $("hand-problem").textContent = ""; done(found); }
       } catch (error) { $("hand-problem").textContent = error.message; showModels(); }
     }
-  } finally { busy = false; delete $("hand").dataset.busy; }
+  } finally { busy = false; rested("hand-working"); delete $("hand").dataset.busy; }
 }
 
 function send(path, then) {

@@ -5,6 +5,7 @@ import { showChange } from "./change.js";
 import { circle, clear, columns, draw, overlay, resampled, smith } from "./plots.js";
 import { history, stack } from "./sketch.js";
 import { complexWithUncertainty, withUncertainty } from "./numbers.js";
+import { rested, working } from "./working.js";
 
 const $ = (id) => document.getElementById(id);
 const view = { build: null, step: null, sample: null, measurement: null, sweeps: [], fits: [], fit: null, diagnosis: null, segment: 0, running: null, samples: [], kept: null, compared: null, withdrawn: [] };
@@ -129,7 +130,8 @@ function showStack() {
 
 function showFit() {
   const fit = view.fit, body = $("constants").tBodies[0];
-  $("diagnose").disabled = !view.measurement;
+  $("diagnose").disabled = !view.measurement || view.diagnosing === view.measurement;
+  if (view.diagnosing !== view.measurement) rested("diagnosing");
   $("fitter").textContent = fit ? `fitter ${fit.fitter}, ${fit.seconds.toFixed(2)} s` : "";
   $("chi2").textContent = fit ? `χ²/dof ${fit.chi2_per_dof?.toPrecision(3) ?? "–"}` : "no fit yet";
   const judged = fit?.verdict, limitsOf = (name) => (judged?.limits ?? []).filter((one) => one.constant.replace(/\.im$/, "") === name);
@@ -239,6 +241,12 @@ function painted(time) {
 
 // ---- events and actions
 
+function diagnosed() {
+  view.diagnosing = null;
+  rested("diagnosing");
+  $("diagnose").disabled = !view.measurement;
+}
+
 let opened = 0; // the record asked for last is the one shown, whichever answer comes last
 
 async function open(sample, step) {
@@ -307,6 +315,7 @@ const heard = {
     painted(event.time);
   },
   fit: (event) => {
+    if (event.fitter === "diagnosis" && event.measurement === view.diagnosing) diagnosed(); // it gave no answer
     if (event.measurement !== view.measurement) return;
     if (event.fit) {
       view.fits = [...view.fits.filter((one) => one.fitter !== event.fit.fitter), event.fit];
@@ -317,7 +326,10 @@ const heard = {
     }
     if (event.error) $("words").append(element("p", `${event.fitter}: ${event.error}`));
   },
-  diagnosis: (event) => { if (event.measurement === view.measurement) { view.diagnosis = event.diagnosis; showAll(); } },
+  diagnosis: (event) => {
+    if (event.measurement === view.diagnosing) diagnosed();
+    if (event.measurement === view.measurement) { view.diagnosis = event.diagnosis; showAll(); }
+  },
 };
 
 const stream = new EventSource("/api/events");
@@ -327,7 +339,13 @@ stream.onopen = () => begin();
 
 $("next").onclick = () => { const step = nextStep(); if (step) measure(step); };
 $("stop").onclick = () => command("/api/cancel", {});
-$("diagnose").onclick = async () => { $("diagnose").disabled = true; await command("/api/diagnose", { measurement: view.measurement }); $("diagnose").disabled = false; };
+$("diagnose").onclick = async () => {
+  view.diagnosing = view.measurement;
+  $("diagnose").disabled = true;
+  working("diagnosing", "Diagnosing: effects that the model may lack are fitted one by one");
+  await command("/api/diagnose", { measurement: view.measurement });
+  if ($("problem").textContent) diagnosed(); // refused
+};
 $("which").onchange = () => { showHistory(); $("chart-place").replaceChildren(); };
 $("chart").onclick = showChart;
 $("keep").onclick = () => { view.kept = view.kept ? null : { name: `${view.sample} · ${view.step}`, sweeps: view.sweeps, measurement: view.measurement }; showCurves(); showKept(); };

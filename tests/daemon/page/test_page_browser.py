@@ -157,7 +157,11 @@ def test_a_missing_effect_is_found_named_and_marked(page: str, lab: Client, brow
 
     # The diagnosis finds it by itself.
     browser.run("document.getElementById('diagnose').click()")
+    browser.wait("document.getElementById('diagnosing').checkVisibility()")
+    assert browser.run("document.getElementById('diagnosing').textContent").startswith("Diagnosing")
     browser.wait("document.querySelectorAll('#stack .marked').length === 1")
+    assert not browser.run("document.getElementById('diagnosing').checkVisibility()")
+    assert not browser.run("document.getElementById('diagnose').disabled")
     assert "lead-inductance: terminals" in browser.run("document.getElementById('stack').textContent")
     assert "explain the whole difference" in browser.run("document.getElementById('words').textContent")
     browser.run("window.scrollTo(0, 0)")

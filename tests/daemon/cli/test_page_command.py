@@ -1,0 +1,41 @@
+"""`pzctl page`: the daemon that it starts keeps running, as it says."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from chromium import free_port
+
+from pzctl.daemon.client.client import connect
+from pzctl.daemon.server.launch import running
+
+PZCTL = Path(sys.executable).with_name("pzctl")
+
+
+@pytest.mark.system
+@pytest.mark.skipif(sys.platform == "win32", reason="ended with SIGINT, as by Ctrl-C in a terminal")
+def test_the_daemon_outlives_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    words = [PZCTL, "page", "--port", str(free_port())]
+    with subprocess.Popen(
+        words,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PZCTL_HOME": str(tmp_path)},
+    ) as page:
+        assert page.stdout
+        assert page.stderr
+        assert page.stdout.readline().startswith("page: http://127.0.0.1:")
+        page.send_signal(signal.SIGINT)
+        said = page.stderr.read()
+        page.wait(60)
+    assert "it keeps running" in said
+    place = running()
+    assert place is not None
+    with connect(place.events, place.requests) as lab:
+        assert [one.instrument.simulated for one in lab.hello().analyzers] == [True]
+        lab.shutdown()

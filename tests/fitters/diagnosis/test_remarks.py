@@ -1,0 +1,35 @@
+"""What moves no constant by its uncertainty and no curve by 0.1 % is a remark with its size, not a mismatch."""
+
+import numpy as np
+import pytest
+
+import pzctl
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD
+from pzctl.daemon.report.analysis import DiagnosisAnalysis
+
+F = np.linspace(2e6, 6e6, 201)
+
+
+def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
+    """Return the diagnosis of a disk with a lead (H), recorded with a noise of 1e-6 by an analyzer of this accuracy."""
+    noise = np.random.default_rng(1).normal(scale=1e-6, size=(2, F.size))
+    Z = pzctl.model(THESIS_BUILD, "disk").impedance(F) + 2j * np.pi * F * inductance
+    sweep = pzctl.Sweep(F, Z * np.exp(noise[0] + 1j * noise[1]), settings={"accuracy": accuracy})
+    return pzctl.diagnose(THESIS_BUILD, {"disk": sweep}, effects=["lead-inductance", "series-resistance"])
+
+
+@pytest.mark.parametrize("accuracy", [1e-5, 8e-4])
+def test_two_picohenry_are_no_mismatch(accuracy: float) -> None:
+    diagnosis = with_lead(2e-12, accuracy)
+    assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
+    assert "differ" not in str(diagnosis)
+
+
+def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
+    diagnosis = with_lead(1e-9, 1e-5)
+    assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
+    assert [one.effect for one in diagnosis.result.remarks] == ["lead-inductance"]
+    said = " ".join(str(diagnosis).split())
+    assert said.startswith("Model and recording agree to within the noise.")
+    assert "remark, no mismatch: terminals" in said
+    assert "% (rms) and no constant by its uncertainty" in said
