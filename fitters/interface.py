@@ -1,5 +1,6 @@
 """Plug-in interface of fitters, entry point group `pzctl.fitters`."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
@@ -67,6 +68,15 @@ class Constant:
     interval_re: Interval | None = None
     """From profile likelihood or bootstrap; None if only the standard uncertainty is known."""
     interval_im: Interval | None = None
+
+    def quantity(self, registry: Any) -> Any:
+        """Return the value as a quantity of a Pint registry, complex if it has an imaginary part.
+
+        `constant.quantity(pint.UnitRegistry()).to("GPa")`.
+        """
+        value = complex(self.re, self.im) if self.im else self.re
+        unit = re.sub(r"(?<=m)([23])", r"**\1", self.unit.replace("Rayl", "Pa*s/m"))
+        return registry.Quantity(value, "" if unit == "1" else unit)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import pytest
 import pzctl
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
 from pzctl.drivers.recordings.write import write_csv
-from pzctl.fitters.interface import TaskError
+from pzctl.fitters.interface import Constant, TaskError
 
 GUIDE = Path(__file__).parents[3] / "docs" / "python.md"
 LEAD = 2e-8
@@ -65,3 +65,29 @@ def test_an_error_is_one_sentence(guide: dict[str, Any]) -> None:
         pzctl.model(guide["folder"] / "build.toml", "ml9")
     with pytest.raises(TaskError, match="no recording is given"):
         pzctl.fit(guide["folder"] / "build.toml", {})
+
+
+@pytest.fixture(scope="module")
+def registry() -> Any:
+    return pytest.importorskip("pint").UnitRegistry()
+
+
+@pytest.mark.parametrize(
+    ("unit", "other", "factor"),
+    [
+        ("Pa", "GPa", 1e-9),
+        ("Rayl", "kg/m**2/s", 1),
+        ("kg/m3", "g/cm**3", 1e-3),
+        ("m2", "mm**2", 1e6),
+        ("1", "", 1),
+        ("F/m", "pF/m", 1e12),
+        ("V/m", "V/mm", 1e-3),
+        ("C/N", "pC/N", 1e12),
+        ("C/m2", "C/cm**2", 1e-4),
+        ("N/m", "N/um", 1e-6),
+    ],
+)
+def test_every_unit_is_one_of_pint(registry: Any, unit: str, other: str, factor: float) -> None:
+    lossy = Constant(2.0, 0.5, 0.1, 0.1, unit).quantity(registry)
+    assert lossy.to(other).magnitude == pytest.approx((2 + 0.5j) * factor)
+    assert isinstance(Constant(2.0, 0.0, 0.1, 0.0, unit).quantity(registry).magnitude, float)
