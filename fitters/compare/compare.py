@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.base.arrays import Reals
+from ...models.base.arrays import Impedances, Reals
 from ...models.base.true_runs import true_runs
 from ...models.build import Build
 from ...models.sweep import Sweep
@@ -14,7 +14,7 @@ from ..diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..diagnosis.findings import Alternative, Bands, Remaining, Size
 from .another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy, Verdict
-from .device_changes import device_changes
+from .device_changes import Scaled, device_changes
 from .fit import fitted
 from .hypothesis import Change, Fitted, Hypothesis
 from .limits import limits, repeatability
@@ -33,8 +33,9 @@ _BLOCKS, _HELD = 11, (3, 8)
 """Of eleven contiguous blocks, those held out to validate an explanation."""
 _EXPLAINED = 0.1
 """Largest remainder, relative to the change (root mean square), of an explained change: 99 % of its power."""
-_DRIFT, _FEW = 1e-3, 0.01
-"""Drift that two recordings of one device may have; fraction of points that may differ by more than usual."""
+_DRIFT, _WARM, _FEW = 3e-4, 1e-3, 0.01
+"""Drift that two recordings of one device usually have; that of all frequencies by one factor, as by ten kelvin;
+fraction of points that may differ by more than usual."""
 _FORMULA = 0.01
 """Relative to the largest change: a further change below this counts as an error of its formula."""
 _SURE = 0.9
@@ -86,7 +87,7 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
     held = _held_out(pair.frequency.size)
     findings = _findings(errors, searched, best, (alike, held)) if best.hypothesis.changes else ()
     remarks: tuple[ChangeFinding, ...] = ()
-    if verdict == "explained" and _usual(errors, named, nothing):
+    if verdict == "explained" and all(_usual(errors, named, k) for k in range(len(named.hypothesis.changes))):
         verdict, named = "unchanged", nothing
         told = replace(told, verdict=verdict, probability=told.probability + told.still)
     if named is nothing:
@@ -113,21 +114,30 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
         held_out_chi2(errors, named, held),
         tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in held),
         _says(replace(told, verdict=verdict), (findings, remarks), change, left),
-        ComparedCurve(pair.frequency, pair.before, pair.after, named.at.predicted),
+        ComparedCurve(pair.frequency, pair.before, pair.after, named.errors.as_recorded(named.at.predicted)),
         time.monotonic() - began,
         remarks,
     )
 
 
-def _usual(errors: PairErrors, named: Fitted, nothing: Fitted) -> bool:
-    """Return whether the findings move no point by more than the usual difference of two recordings of one device.
+def _usual(errors: PairErrors, fit: Fitted, k: int) -> bool:
+    """Return whether a change moves no point by more than the usual difference of two recordings of one device.
 
     Noise is not included in that difference, since it is known and accounted for separately.
     """
     pair = errors.pair
-    moved = np.abs(np.log(named.at.predicted / nothing.at.predicted))
-    usual = np.sqrt((2 * INSTRUMENT) ** 2 + (_DRIFT * np.abs(errors.slope)) ** 2 + errors.of_fixture(pair.after) ** 2)
+    moved = np.abs(np.log(fit.at.predicted / _predicted_without(fit, k)))
+    drift = _WARM if isinstance(fit.hypothesis.changes[k], Scaled) else _DRIFT
+    usual = np.sqrt(
+        (2 * INSTRUMENT) ** 2 + (drift * np.abs(fit.errors.slope)) ** 2 + errors.of_fixture(pair.after) ** 2
+    )
     return bool(np.mean(moved > usual) < _FEW)
+
+
+def _predicted_without(fit: Fitted, k: int) -> Impedances:
+    """Return the prediction without change `k`, all others as they are, ohm, shape (N,)."""
+    pair, x = fit.errors.pair, np.delete(fit.x, np.r_[fit.hypothesis.slices[k]])
+    return fit.hypothesis.without(k).predict(pair.before, pair.frequency, x, fit.errors.own)
 
 
 def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
@@ -136,22 +146,19 @@ def _simplest(searched: Searched, alike: Sequence[int]) -> Fitted:
 
 
 def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted:
-    """Return an explanation without changes that are negligible beside the others: errors of their formulas.
+    """Return an explanation without changes that are negligible beside the others: errors of their formulas, or drift.
 
     The change of a model is taken to be as wrong as the model is.
     """
     changes = best.hypothesis.changes
     if len(changes) < 2:
         return best
-    moves: list[float] = []
-    for k in range(len(changes)):
-        others = best.hypothesis.without(k)
-        x = np.delete(best.x, np.r_[best.hypothesis.slices[k]])
-        pair = best.errors.pair
-        seen = others.predict(pair.before, pair.frequency, x, best.errors.own)
-        moves.append(float(np.sqrt(np.mean(np.abs(np.log(best.at.predicted / seen)) ** 2))))
+    ratios = [np.abs(np.log(best.at.predicted / _predicted_without(best, k))) for k in range(len(changes))]
+    moves = [float(np.sqrt(np.mean(ratio**2))) for ratio in ratios]
     models = [one.found.described.rms_log_error for one in changes if isinstance(one, ModelChange)]
-    kept = tuple(one for one, size in zip(changes, moves, strict=True) if size > max(_FORMULA, *models, 0) * max(moves))
+    least = max(_FORMULA, *models, 0) * max(moves)
+    large = [k for k, size in enumerate(moves) if size > least and not _usual(errors, best, k)]
+    kept = tuple(changes[k] for k in large or [int(np.argmax(moves))])
     return best if len(kept) == len(changes) else _without(errors, searched, kept)
 
 
@@ -235,6 +242,7 @@ def _findings(
     for k, change in enumerate(named.hypothesis.changes):
         others = tuple(c for j, c in enumerate(named.hypothesis.changes) if j != k)
         without = _without(errors, searched, others)
+        ratio = np.log(named.at.predicted / _predicted_without(named, k))
         rivals = _rivals(searched, chances, change, others, range(len(searched.fits)))
         made.append(
             ChangeFinding(
@@ -242,7 +250,7 @@ def _findings(
                 where=change.where,
                 step=change.found.described.step if isinstance(change, ModelChange) else "",
                 probability=_probability(searched, chances, change, alike),
-                bands_Hz=_bands(errors.pair, np.log(named.at.predicted / without.at.predicted)),
+                bands_Hz=_bands(errors.pair, ratio),
                 parameters=_sizes(named, k),
                 chi2_per_dof_before=_chi2(errors, without),
                 chi2_per_dof_after=_chi2(errors, named),
@@ -252,7 +260,7 @@ def _findings(
                 says=change.says + _twins(searched, change, others, alike),
                 share=1 - _chi2(errors, named) / _chi2(errors, without),
                 same_as=_rivals(searched, chances, change, others, alike),
-                moves=float(np.sqrt(np.mean(np.abs(np.log(named.at.predicted / without.at.predicted)) ** 2))),
+                moves=float(np.sqrt(np.mean(np.abs(ratio) ** 2))),
                 removed=isinstance(change, TwoPort | ModelChange) and change.taken,
             )
         )

@@ -97,9 +97,14 @@ def _resistance(f: Frequencies, v: Values) -> Matrix:
 
 
 def coil(f: Frequencies, v: Values) -> Complexes:
-    """Return a coil's impedance in ohm, shape (N,): inductance and resistance parallel to its own capacitance."""
-    jw = j_omega(f)
-    wire = jw * v["inductance"] + v["resistance"] + v["skin"] * skin(f)
+    """Return a coil's impedance in ohm, shape (N,): core and wire parallel to its own capacitance.
+
+    A core's permeability falls as (jf)^-core, with the loss that causality requires. The inductance is that in the
+    middle of the band, with the internal one of the wire.
+    """
+    jw, middle = j_omega(f), float(np.sqrt(f[0] * f[-1]))
+    rough = skin(f) - 1j * f / middle * skin(np.array([middle])).imag
+    wire = jw * v["inductance"] * (1j * f / middle) ** -v["core"] + v["resistance"] + v["skin"] * rough
     return wire / (1 + jw * v["own capacitance"] * wire)
 
 
@@ -136,6 +141,7 @@ _COIL = (
     ChangeSize("resistance", "ohm", 0.5, 2.5),
     ChangeSize("own capacitance", "F", 1e-11, 1.2),
     ChangeSize("skin", "ohm", 0.1, 2.5),
+    ChangeSize("core", "1", 5e-3, 1.2),
 )
 """Chokes and tuning coils of 0.2 uH to 5 mH."""
 _CAPACITOR = (ChangeSize("capacitance", "F", 1e-10, 2.5), ChangeSize("loss tangent", "1", 2e-3, 1.5))

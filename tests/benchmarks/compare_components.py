@@ -26,10 +26,10 @@ def round_wire(f: np.ndarray, meters: float, radius: float) -> np.ndarray:
     return gamma / (2 * np.pi * radius * 5.8e7) * ive(0, z) / ive(1, z) * meters
 
 
-def wire(rng: np.random.Generator, f: np.ndarray, henry: float) -> list[np.ndarray]:
-    """Return a wire with this external inductance, the resistance of its length and of its contacts."""
+def wire(rng: np.random.Generator, f: np.ndarray, henry: float) -> np.ndarray:
+    """Return the impedance of a wire with this external inductance, the resistance of its length and its contacts."""
     z = 2j * np.pi * f * henry + round_wire(f, henry / 1e-6, 10 ** rng.uniform(-3.8, -3.2)) + 10 ** rng.uniform(-3, -1)
-    return [series(z)]
+    return z
 
 
 def coax(rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, speed: float) -> list[np.ndarray]:
@@ -45,8 +45,11 @@ def coax(rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, spe
     return [M]
 
 
-def coil(rng: np.random.Generator, f: np.ndarray, henry: float, middle: float) -> np.ndarray:
-    """Return the impedance of a coil in ohm: relaxing core, wire with proximity effect, own capacitance."""
+def coil(rng: np.random.Generator, f: np.ndarray, henry: float, middle: float) -> tuple[np.ndarray, float]:
+    """Return the impedance of a coil in ohm: relaxing core, wire with proximity effect, own capacitance.
+
+    And its inductance in the middle of the band, as without its own capacitance.
+    """
     w = 2 * np.pi * f
     core = 1.0
     if rng.uniform() < 0.6:
@@ -60,7 +63,12 @@ def coil(rng: np.random.Generator, f: np.ndarray, henry: float, middle: float) -
     z = 1j * w * henry * core + rough
     own = 10 ** rng.uniform(-12, -10.8)
     own = min(own, 0.3 / ((2 * np.pi * middle) ** 2 * henry))
-    return z / (1 + 1j * w * own * (1 - 0.02j) * z)
+    return z / (1 + 1j * w * own * (1 - 0.02j) * z), inductance(f, z)
+
+
+def inductance(f: np.ndarray, z: np.ndarray) -> float:
+    """Return the inductance in the middle of the band."""
+    return float(np.interp(np.sqrt(f[0] * f[-1]), f, z.imag / (2 * np.pi * f)))
 
 
 def plate(rng: np.random.Generator, middle: float, clamped: float) -> Device:
@@ -154,11 +162,13 @@ def _pair(rng: np.random.Generator, kind: str) -> MadePair:
         truth = {"effect": "cable", "also": ("stray-capacitance", "lead-inductance"), "sizes": sizes}
     elif kind == "coil":
         L = zm * 10 ** rng.uniform(-0.8, 0.2) / w
-        elements = [series(coil(rng, g, L, middle))]
+        z, L = coil(rng, g, L, middle)
+        elements = [series(z)]
         truth = {"effect": "series-coil", "also": ("lead-inductance",), "sizes": (("inductance", L),)}
     elif kind == "across":
         L = zm * 10 ** rng.uniform(-0.3, 0.5) / w
-        elements = [shunt(1 / coil(rng, g, L, middle))]
+        z, L = coil(rng, g, L, middle)
+        elements = [shunt(1 / z)]
         truth = {"effect": "shunt-coil", "sizes": (("inductance", L),)}
     elif kind == "capacitor":
         C = clamped * 10 ** rng.uniform(-1, 0.5)
@@ -167,7 +177,8 @@ def _pair(rng: np.random.Generator, kind: str) -> MadePair:
         truth = {"effect": "stray-capacitance", "also": ("cable",), "sizes": (("capacitance", C),)}
     elif kind == "wire":
         L = 10 ** rng.uniform(np.log10(2e-8), np.log10(3e-7))
-        elements = wire(rng, g, L)
+        z = wire(rng, g, L)
+        elements, L = [series(z)], inductance(g, z)
         moved = float(np.median(2 * np.pi * g * L * np.abs(now)))
         effect = "" if moved < 3e-4 else "lead-inductance"
         truth = {"effect": effect or "perhaps", "also": ("lead-inductance", "cable"), "sizes": (("inductance", L),)}
@@ -198,7 +209,7 @@ def _recorded(rng: np.random.Generator) -> MadePair:
     z = np.exp(np.polynomial.chebyshev.chebval(x, fit[:, 0]) + 1j * np.polynomial.chebyshev.chebval(x, fit[:, 1]))
     middle = float(np.sqrt(low * high))
     at = int(np.argmin(np.abs(f - middle)))
-    L = {"150": 146.9e-6, "220": 225.1e-6, "330": 303.7e-6, "680": 671.8e-6}[size]
+    L = inductance(f, z * (1 - (f / own_resonance) ** 2))  # without its own capacitance
     across = bool(rng.uniform() < 0.5)
     part = 10 ** rng.uniform(-0.3, 0.3) if across else 10 ** rng.uniform(0, 0.8)
     clamped = 1 / (2 * np.pi * middle * abs(z[at]) * part)
