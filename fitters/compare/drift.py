@@ -20,7 +20,7 @@ _LENGTH, _LOSSES = 0.1, 0.3
 """Resonances further apart than this in ln f drift independently; drift of 1/(2 Q) relative to that of ln f."""
 _DAMPING = 100.0
 """Smallest drift of ln Q relative to that of ln f: one per cent beside 1e-4."""
-_STRENGTH = 5.0
+STRENGTH = 5.0
 """Drift of ln strength relative to that of ln f: permittivity depends on temperature much more than stiffness does."""
 _FURTHEST = 2e-3
 """Largest drift about which errors are linearised; a larger shift is not drift."""
@@ -78,7 +78,7 @@ class Drift:
     def _unit(self) -> Reals:
         """Drift of each resonance in ln frequency, ln Q and ln strength for a unit drift of the frequency, (3P,)."""
         one = np.ones(self.own.q.size)
-        return np.concatenate([one, np.hypot(2 * _LOSSES * self.own.q, _DAMPING), _STRENGTH * one])
+        return np.concatenate([one, np.hypot(2 * _LOSSES * self.own.q, _DAMPING), STRENGTH * one])
 
     def _of_each(self) -> Complexes:
         """Return d ln Z of the device / d ln frequency, ln Q and ln strength of each resonance, shape (N, 3P)."""

@@ -105,7 +105,7 @@ def coil(f: Frequencies, v: Values) -> Complexes:
     jw, middle = j_omega(f), float(np.sqrt(f[0] * f[-1]))
     rough = skin(f) - 1j * f / middle * skin(np.array([middle])).imag
     wire = jw * v["inductance"] * (1j * f / middle) ** -v["core"] + v["resistance"] + v["skin"] * rough
-    return wire / (1 + jw * v["own capacitance"] * wire)
+    return wire / (1 + (jw * v["own capacitance"] + v["own conductance"]) * wire)
 
 
 def _is_coil(f: Frequencies, v: Values) -> bool:
@@ -142,6 +142,7 @@ _COIL = (
     ChangeSize("own capacitance", "F", 1e-11, 1.2),
     ChangeSize("skin", "ohm", 0.1, 2.5),
     ChangeSize("core", "1", 5e-3, 1.2),
+    ChangeSize("own conductance", "S", 1e-6, 2.0),
 )
 """Chokes and tuning coils of 0.2 uH to 5 mH."""
 _CAPACITOR = (ChangeSize("capacitance", "F", 1e-10, 2.5), ChangeSize("loss tangent", "1", 2e-3, 1.5))
