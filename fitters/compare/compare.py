@@ -15,6 +15,7 @@ from ..diagnosis.findings import Alternative, Bands, Remaining, Size
 from .another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy, Verdict
 from .device_changes import Scaled, device_changes
+from .drift import STRENGTH
 from .fit import fitted
 from .hypothesis import Change, Fitted, Hypothesis
 from .limits import limits, repeatability
@@ -125,12 +126,13 @@ def _usual(errors: PairErrors, fit: Fitted, k: int) -> bool:
 
     Noise is not included in that difference, since it is known and accounted for separately.
     """
+    if isinstance(fit.hypothesis.changes[k], Scaled):
+        sizes = fit.hypothesis.values(fit.outcome.total, k)
+        return abs(sizes["shift"]) < _WARM and abs(sizes["capacitance"]) < STRENGTH * _WARM
     pair = errors.pair
     moved = np.abs(np.log(fit.at.predicted / _predicted_without(fit, k)))
-    drift = _WARM if isinstance(fit.hypothesis.changes[k], Scaled) else _DRIFT
-    usual = np.sqrt(
-        (2 * INSTRUMENT) ** 2 + (drift * np.abs(fit.errors.slope)) ** 2 + errors.of_fixture(pair.after) ** 2
-    )
+    drift = _DRIFT * np.abs(fit.errors.slope)
+    usual = np.sqrt((2 * INSTRUMENT) ** 2 + drift**2 + errors.of_fixture(pair.after) ** 2)
     return bool(np.mean(moved > usual) < _FEW)
 
 

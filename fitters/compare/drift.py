@@ -143,12 +143,13 @@ class Drift:
         return bool(np.all(step[:count] * 2 * self.own.q < _SETTLED) and np.all(step[count:] < _SETTLED))
 
     def second_order(self, through: Complexes, drift: float) -> Reals:
-        """Return the standard deviation of ln Z after by what the columns do not describe, shape (N,).
-
-        That is the second order of this drift of the remainder, and of the uncertain drift of the resonances.
-        """
+        """Return the standard deviation of ln Z after by the second order of a drift of the remainder, shape (N,)."""
         remainder = np.hypot(0.5 * drift**2 * np.abs(self._bend), drift * self._slope_error)
-        return np.abs(self._through(through)[:, 0]) * np.hypot(remainder, self._of_uncertain)
+        return np.abs(self._through(through)[:, 0]) * remainder
+
+    def uncertain(self, through: Complexes) -> Reals:
+        """Return the standard deviation of ln Z after by the second order of an unsettled drift, shape (N,)."""
+        return np.abs(self._through(through)[:, 0]) * self._of_uncertain
 
     @cached_property
     def _of_uncertain(self) -> Reals:

@@ -13,7 +13,7 @@ from .pair_sizes import RESTS, Sizes
 _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""
 _PLAIN, _MARGINAL = 12, 8
-_FEW_RESTS = (0.0, 1e-3, 3e-2)
+_FEW_RESTS = (0.0, 1e-4, 1e-3, 3e-2)
 _PARTS = (1.0, 0.3, 0.0)
 """How far the constants of a build's device are moved towards the pair's; less if more is no better."""
 _DRIFTED = 8
@@ -79,7 +79,7 @@ def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes)
     for uncertain in _SCREENED:
         errors = errors.unsettled(uncertain)
         at = hypothesis.linearised(errors, x)
-        outcome = errors.outcome(at, _FEW_RESTS, sizes, rounds=0)
+        outcome = errors.outcome(at, _FEW_RESTS, sizes, rounds=1)
         errors = errors.drifted(outcome)
         best = max(best, outcome.log_evidence + hypothesis.log_prior)
         move = outcome.x - x

@@ -248,7 +248,7 @@ class PairErrors:
     def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
         """Return the noise of each point: of both recordings, and the part of a drift beyond its column."""
         pair, s = self.pair, np.abs(at.through)
-        second = self._drift.second_order(at.through, drift)
+        second = np.hypot(self._drift.second_order(at.through, drift), self._drift.uncertain(at.through))
         noise = np.sqrt(pair.noise_after**2 + (s * pair.noise_before) ** 2 + second**2)
         return PointErrors(pair.log_f, noise, self._felt * np.maximum(1.0, s), np.zeros_like(noise))
 
@@ -256,11 +256,13 @@ class PairErrors:
         """Return ln det of the noise as the changes propagate it, relative to that without a change.
 
         A device is smooth and noise is not. So the roughness of both recordings is known, whatever lies between them:
-        a change that amplifies the noise of the recording before is for that neither better nor worse.
+        a change that amplifies the noise of the recording before is for that neither better nor worse. Nor is one whose
+        fit is not settled yet.
         """
         pair = self.pair
         kept = np.isfinite(pair.noise_after)
         with_change = pair.noise_after**2 + (np.abs(at.through) * pair.noise_before) ** 2
+        with_change = with_change + self._drift.uncertain(at.through) ** 2
         without = pair.noise_after**2 + pair.noise_before**2
         return 2 * float(np.sum(np.log(with_change[kept] / without[kept])))
 
