@@ -25,8 +25,9 @@ _BARE, _STACK, _LAYERS = Effort(4, 200), Effort(2, 60), Effort(3, 40)
 _ROUGH = 1e-2
 # Part of the largest singular value down to which functions of z are kept for the search.
 _TOLERANCE = 1e-5
-_ROUNDS, _STILL, _MOST = 8, 0.01, 10
-# Finally the remaining misfit is counted as noise and the descent repeated, until it falls by less than 1 %.
+_ROUNDS, _STILL, _MOST = 6, 0.01, 60
+# Finally the remaining misfit is counted as noise, and the descent repeated until it falls by less than 1 %; at first over
+# few points.
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +122,13 @@ def _settled(problem: StackProblem, values: Mapping[str, float], law: LossLaw, e
     steps = list(problem.sweeps)
     coordinates, priors = stack_coordinates(problem, steps, values), stack_priors(problem, steps)
     x, before, error, settled, recordings = coordinates.x, math.inf, math.inf, False, list[Recording]()
-    for _ in range(_ROUNDS):
+    for k in range(_ROUNDS):
         there = {**values, **coordinates.forward(x)[0]}
         recordings, error = _recordings(problem, steps, there, law)
+        if k == 0:
+            few = [at_level(thinned(one), coordinates, x) for one in recordings]
+            near = descend(Objective(few, coordinates, priors), x, _TOLERANCE, _MOST)
+            evaluations, x = evaluations + near.evaluations, near.x
         recordings = [at_level(one, coordinates, x) for one in recordings]
         last = descend(Objective(recordings, coordinates, priors), x, _TOLERANCE, _MOST)
         evaluations, x = evaluations + last.evaluations, last.x
