@@ -119,6 +119,7 @@ def _table(rows: Rows, needed: Iterable[str] = ()) -> str:
 def _range(key: Key) -> str:
     sign = keys.LOSS_SIGN.get(key.name)
     real = "> 0" if key.name in keys.POSITIVE else "any"
+    real += f", < {keys.BELOW[key.name]:g}" if key.name in keys.BELOW else ""
     if key.name in keys.REAL or key.name in {constant.name for constant in keys.DERIVED_KEYS.values()}:
         return real
     return f"re {real}, im {'any' if sign is None else '>= 0' if sign > 0 else '<= 0'}"
@@ -268,6 +269,7 @@ def _definition(name: str) -> Schema:
     """Return the schema of a constant in any unit."""
     number: Schema = {"type": "number"}
     real = {**number, "exclusiveMinimum": 0} if name in keys.POSITIVE else number
+    real |= {"exclusiveMaximum": keys.BELOW[name]} if name in keys.BELOW else {}
     sign = keys.LOSS_SIGN.get(name)
     imaginary = number if sign is None else {**number, "minimum" if sign > 0 else "maximum": 0}
     ends = {"min": number, "max": number}

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from ....models.base.errors import PzctlError
 from ....models.build import Quantity
-from .file_keys import LOSS_SIGN, POSITIVE, REAL, TIED, Entry, Key
+from .file_keys import BELOW, LOSS_SIGN, POSITIVE, REAL, TIED, Entry, Key
 
 
 class BuildError(PzctlError):
@@ -203,6 +203,8 @@ class Table:
             raise self.error(key, f"is {numbers[0]:g}; this is too large")
         if what.name in POSITIVE and re <= 0:
             raise self.error(key, f"is {numbers[0]:g}; a positive number is needed")
+        if re >= BELOW.get(what.name, math.inf):
+            raise self.error(key, f"is {numbers[0]:g}; a number below {BELOW[what.name]:g} is needed")
         sign = LOSS_SIGN.get(what.name, 0)
         if im * sign < 0:
             law = "c (1 + j/Q)" if sign > 0 else "x (1 - j tan d)"

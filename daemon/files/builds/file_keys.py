@@ -61,7 +61,12 @@ THICKNESS_KEYS = {
 }
 DENSITY_KEYS = {"density_kg_m3": Key("density", 1.0, "kg/m3")}
 Z_KEYS = {"z_MRayl": Key("z", 1e6, "MRayl"), "z_Rayl": Key("z", 1.0, "Rayl")}
-ELASTIC_KEYS = THICKNESS_KEYS | DENSITY_KEYS | Z_KEYS | {"c_m_s": Key("c", 1.0, "m/s"), "q": Key("q", 1.0)}
+ELASTIC_KEYS = (
+    THICKNESS_KEYS
+    | DENSITY_KEYS
+    | Z_KEYS
+    | {"c_m_s": Key("c", 1.0, "m/s"), "q": Key("q", 1.0), "poisson": Key("poisson", 1.0)}
+)
 PIEZO_KEYS = (
     THICKNESS_KEYS
     | DENSITY_KEYS
@@ -104,6 +109,7 @@ MEANINGS = {
     "z": "specific acoustic impedance, density * c",
     "c": "speed of longitudinal waves",
     "q": "mechanical quality factor",
+    "poisson": "Poisson's ratio of an elastic layer, for `stack2d`",
     "c33D": "stiffness in thickness direction at constant electric displacement, c' (1 + j/Q)",
     "c11p": "planar stiffness of a thin disk",
     "h33": "piezoelectric constant h of the thickness mode",
@@ -131,7 +137,9 @@ MEANINGS = {
 }
 """Meaning of each constant that a file can give."""
 
-REAL = {"thickness", "density", "z", "c", "q", "diameter", "area", "electrode_diameter", "mass", "stiffness"}
+BELOW = {"poisson": 0.5}
+"""Upper limits of constants, not included."""
+REAL = {"thickness", "density", "z", "c", "q", "poisson", "diameter", "area", "electrode_diameter", "mass", "stiffness"}
 TIED = {"thickness", "z", "c", "q"}
 """Constants that can be tied with `{ same_as = "LAYER" }`, as two layers of a transducer can share them."""
 POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}

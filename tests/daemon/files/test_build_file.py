@@ -119,6 +119,11 @@ def test_all_open_cases_are_read(cases: Path) -> None:
             "thickness_mm = -0.139",
             "thickness_mm (of layer 'ml1') is -0.139; a positive",
         ),
+        (
+            "thickness_mm = 0.139",
+            "thickness_mm = 0.139\npoisson = 0.5",
+            "poisson (of layer 'ml1') is 0.5; a number below",
+        ),
         ("thickness_mm = 0.139", "thickness_mm = nan", "layers[2].thickness_mm (of layer 'ml1') is nan; a finite"),
         ("thickness_mm = 0.139", "thickness_mm = true", "is true; a number is needed"),
         ("thickness_mm = 0.139", "thickness_mm = '0.139'", "is '0.139'; a number is needed"),
