@@ -1,14 +1,15 @@
 """The audit log records who did what, and changes to it are detected."""
 
 import json
+import os
 import signal
 import sqlite3
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from command_line import run_here
 from keyed import asked
 
 from pzctl.daemon.client.location import Location
@@ -25,7 +26,7 @@ PZCTL = Path(sys.executable).with_name("pzctl")
 
 
 def pzctl(*words: str) -> tuple[int, str]:
-    ran = subprocess.run([PZCTL, *words], capture_output=True, text=True, check=False)
+    ran = run_here(Path(os.environ["PZCTL_HOME"]), *words)
     return ran.returncode, ran.stdout + ran.stderr
 
 

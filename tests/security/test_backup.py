@@ -4,7 +4,6 @@ import asyncio
 import os
 import shutil
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import closing
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_here
 
 from pzctl.daemon.cli.bench.status import backup_sentence
 from pzctl.daemon.client.client import connect
@@ -304,6 +304,5 @@ def test_the_table_of_the_config_file_is_read(tmp_path: Path, monkeypatch: pytes
 
 def test_the_command_shows_the_backup(start_daemon: Callable[..., Location], share: Path) -> None:
     start_daemon(backup=BackupPlan(str(share), 24.0))
-    program = Path(sys.executable).with_name("pzctl")
-    shown = subprocess.run([program, "status"], capture_output=True, text=True, check=True).stdout
+    shown = run_here(Path(os.environ["PZCTL_HOME"]), "status").stdout
     assert f"backup to {share} every 24 h: " in " ".join(shown.split())

@@ -145,7 +145,8 @@ def test_a_nul_in_a_path_is_a_sentence() -> None:
 @pytest.mark.parametrize(
     "bench", ["x", "host", ":5026", "host:", "host:0", "host:99999", "host:-1", "host:\u0661", "h\0:1"]
 )
-def test_what_is_no_bench_is_refused(bench: str) -> None:
+def test_what_is_no_bench_is_refused(bench: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PZCTL_FITTERS", raising=False)
     with pytest.raises(ConfigError, match=r"--bench is .*; allowed is host:port"):
         settings({"bench": bench})
     assert settings({"bench": "localhost:5026"}) == {"bench": "localhost:5026"}

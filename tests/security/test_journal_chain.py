@@ -1,15 +1,14 @@
 """Changes to written data are detected by the hash chain, by the database's own check, or by the seal."""
 
 import json
-import os
 import sqlite3
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import zmq
+from command_line import run_here
 from keyed import unlocked
 
 from pzctl import connect
@@ -71,9 +70,7 @@ def faults(folder: Path) -> list[str]:
 
 
 def pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    program = Path(sys.executable).with_name("pzctl")
-    environment = {**os.environ, "PZCTL_HOME": str(home)}
-    return subprocess.run([program, *words], env=environment, capture_output=True, text=True, check=False)
+    return run_here(home, *words)
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,13 @@ import os
 import shutil
 import sqlite3
 import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_here
 
 from pzctl import connect
 from pzctl.daemon.files.paths import journal_folder
@@ -86,9 +86,7 @@ def folder(tmp_path: Path, build: Build) -> Path:
 
 
 def pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    program = Path(sys.executable).with_name("pzctl")
-    environment = {**os.environ, "PZCTL_HOME": str(home)}
-    return subprocess.run([program, *words], env=environment, capture_output=True, text=True, check=False)
+    return run_here(home, *words)
 
 
 def remove(path: Path) -> None:

@@ -1,8 +1,6 @@
 """A single request or a killed daemon cannot exhaust the memory, block the analyzer, or leave a bias on."""
 
-import os
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -11,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_here
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.protocol import DaemonError
@@ -84,14 +83,7 @@ def test_nobody_begins_with_a_build_whose_sweep_is_too_much_for_its_sample(tmp_p
     path = tmp_path / "S4.toml"
     path.write_text(THESIS_BUILD.read_text() + "\n[sample]\nmax_bias_V = 10\nmax_oscillator_V = 0.1\n")
     for command in (["measure"], ["page", "--port", "1"], ["daemon", "--page"]):
-        done = subprocess.run(
-            [PZCTL, *command, "--build", path],
-            env={**os.environ, "PZCTL_HOME": str(tmp_path / "home")},
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        done = run_here(tmp_path / "home", *command, "--build", path)
         assert done.returncode == 2
         says = "S4.toml: sweep plan: oscillator is 0.5 V; [sample] allows 0.1 V (max_oscillator_V)"
         assert done.stderr.splitlines()[-1].endswith(says)
@@ -169,14 +161,7 @@ def asked(port: int, line: bytes) -> bytes:
 
 @pytest.mark.parametrize("token", ["", "short"])
 def test_an_empty_or_short_token_opens_the_page_to_nobody(tmp_path: Path, token: str) -> None:
-    done = subprocess.run(
-        [PZCTL, "page", "--token", token, "--host", "0.0.0.0"],  # noqa: S104 - the test expects that it does not listen
-        env={**os.environ, "PZCTL_HOME": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = run_here(tmp_path, "page", "--token", token, "--host", "0.0.0.0")  # noqa: S104 - it must not listen
     assert done.returncode == 2
     assert "at least 16 characters are needed" in done.stderr
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_here
 from page_requests import ask
 
 from pzctl.daemon.cli import app
@@ -170,8 +171,7 @@ def test_every_alarm_of_the_guide_names_a_metric_that_is_told(
 
 def pzctl(home: Path, *words: str) -> str:
     """Run a command on a data folder, which must succeed; return its output."""
-    environment = {**os.environ, "PZCTL_HOME": str(home)}
-    ran = subprocess.run([PZCTL, *words], env=environment, capture_output=True, text=True, check=False)
+    ran = run_here(home, *words)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     return ran.stdout
 

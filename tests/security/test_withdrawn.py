@@ -1,14 +1,15 @@
 """A withdrawn measurement is marked for everybody, counts only on request, and is never removed."""
 
 import json
+import os
 import signal
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_here
 from keyed import asked
 
 from pzctl.daemon.client.client import connect
@@ -31,7 +32,7 @@ WITHDRAW = ("--by", "Ana", "--why", "the lead had come off")
 
 
 def pzctl(*words: str) -> tuple[int, str]:
-    ran = subprocess.run([PZCTL, *words], capture_output=True, text=True, check=False)
+    ran = run_here(Path(os.environ["PZCTL_HOME"]), *words)
     return ran.returncode, ran.stdout + ran.stderr
 
 

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from command_line import run_here
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
 from pzctl.daemon.files.builds.build_table import BuildError
@@ -44,8 +45,7 @@ def night(tmp_path: Path) -> Path:
 
 
 def pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    environment = {**os.environ, "PZCTL_HOME": str(home)}
-    return subprocess.run([PZCTL, *words], env=environment, capture_output=True, text=True, check=False, cwd=home)
+    return run_here(home, *words)
 
 
 def measured(home: Path) -> dict[str, int]:
@@ -144,13 +144,5 @@ def test_options_that_the_file_replaces_are_refused(night: Path) -> None:
 
 def test_a_question_needs_a_person(night: Path) -> None:
     night.write_text(NIGHT.replace('sample = "X2"', 'sample = "X2"\nask = "X2 into the fixture"'), encoding="utf-8")
-    done = subprocess.run(
-        [PZCTL, "measure", "--queue", "night.toml"],
-        env={**os.environ, "PZCTL_HOME": str(night.parent)},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=night.parent,
-    )
+    done = pzctl(night.parent, "measure", "--queue", "night.toml")
     assert (done.returncode, "needs a person at a terminal" in done.stderr) == (2, True)

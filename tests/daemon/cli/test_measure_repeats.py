@@ -1,19 +1,18 @@
 """`pzctl measure --sample --repeat --every`: one build for many samples, and series that run by themselves."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from command_line import run_here
 
 PZCTL = Path(sys.executable).with_name("pzctl")
 
 
 def pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    environment = {**os.environ, "PZCTL_HOME": str(home)}
-    return subprocess.run([PZCTL, *words], env=environment, capture_output=True, text=True, check=False, cwd=home)
+    return run_here(home, *words)
 
 
 def test_a_series_under_the_name_of_a_sample(tmp_path: Path) -> None:

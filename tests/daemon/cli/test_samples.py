@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_line import run_here
 
 from pzctl.daemon.cli import main
 from pzctl.daemon.files.builds.build_file import parse_build
@@ -108,8 +109,7 @@ def fill(home: Path) -> None:
 
 
 def pzctl(*words: str, home: Path) -> "subprocess.CompletedProcess[str]":
-    environment = {**os.environ, "PZCTL_HOME": str(home), "COLUMNS": "120"}
-    return subprocess.run([PZCTL, *words], env=environment, capture_output=True, text=True, timeout=100, check=False)
+    return run_here(home, *words, environment={"COLUMNS": "120"})
 
 
 @pytest.fixture

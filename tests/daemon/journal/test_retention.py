@@ -1,14 +1,13 @@
 """A journal is checked, copied, pruned and upgraded without losing data that it should keep."""
 
 import json
-import os
 import shutil
 import sqlite3
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command_line import run_here
 
 from pzctl import connect
 from pzctl.daemon.files.paths import journal_folder
@@ -23,9 +22,7 @@ from pzctl.models.build import Build
 
 
 def pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    program = Path(sys.executable).with_name("pzctl")
-    environment = {**os.environ, "PZCTL_HOME": str(home)}
-    return subprocess.run([program, *words], env=environment, capture_output=True, text=True, check=False)
+    return run_here(home, *words)
 
 
 def test_checked_and_copied_while_the_daemon_runs_then_pruned(start_daemon, build: Build, tmp_path: Path) -> None:

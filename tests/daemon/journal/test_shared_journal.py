@@ -3,12 +3,12 @@
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import postgres
 import pytest
+from command_line import run_here
 
 from pzctl import connect
 from pzctl.daemon.client.protocol import DaemonError
@@ -57,9 +57,7 @@ def url(server: postgres.Server) -> Iterator[str]:
 
 
 def pzctl(home: Path, url: str, *words: str) -> "subprocess.CompletedProcess[str]":
-    program = Path(sys.executable).with_name("pzctl")
-    environment = {**os.environ, "PZCTL_HOME": str(home), "PZCTL_JOURNAL": url, "PZCTL_STATION": "b"}
-    return subprocess.run([program, *words], env=environment, capture_output=True, text=True, check=False)
+    return run_here(home, *words, environment={"PZCTL_JOURNAL": url, "PZCTL_STATION": "b"})
 
 
 def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
