@@ -28,52 +28,50 @@ from pzctl.sim.server import SimOptions, running
 PZCTL = Path(sys.executable).with_name("pzctl")
 
 
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"segments": (Segment(1e6, 2e6, 1_000_000_000),)}, "1000000000 points; at most 200000 are allowed"),
-        ({"segments": (Segment(1e6, 2e6, 3),) * 501}, "501 segments; at most 500 are allowed"),
-        ({"sweep_average": 256, "point_average": 256, "segments": (Segment(1e6, 2e6, 801),) * 50}, "hours; at most 24"),
-        ({"bias_V": 6.0}, "bias is 6 V; this bench allows 5 V"),
-        ({"bias_V": -6.0}, "bias is -6 V; this bench allows 5 V"),
-        ({"oscillator_V": 0.9}, r"oscillator is 0.9 V; this bench allows 0.6 V"),
-        ({"bias_V": 41.0}, "bias is 41 V; this bench allows 5 V"),
-    ],
+BEYOND_THE_BENCH: tuple[tuple[dict[str, object], str], ...] = (
+    ({"segments": (Segment(1e6, 2e6, 1_000_000_000),)}, "1000000000 points; at most 200000 are allowed"),
+    ({"segments": (Segment(1e6, 2e6, 3),) * 501}, "501 segments; at most 500 are allowed"),
+    ({"sweep_average": 256, "point_average": 256, "segments": (Segment(1e6, 2e6, 801),) * 50}, "hours; at most 24"),
+    ({"bias_V": 6.0}, "bias is 6 V; this bench allows 5 V"),
+    ({"bias_V": -6.0}, "bias is -6 V; this bench allows 5 V"),
+    ({"oscillator_V": 0.9}, r"oscillator is 0.9 V; this bench allows 0.6 V"),
+    ({"bias_V": 41.0}, "bias is 41 V; this bench allows 5 V"),
 )
+BEYOND_THE_SAMPLE: tuple[tuple[dict[str, object], str], ...] = (
+    ({"bias_V": 3.0}, "bias is 3 V; sample 'S4.a' allows 2 V"),
+    ({"bias_V": -3.0}, "bias is -3 V; sample 'S4.a' allows 2 V"),
+    ({"bias_V": 6.0}, "bias is 6 V; this bench allows 5 V"),
+    ({"oscillator_V": 0.5}, "oscillator is 0.5 V; sample 'S4.a' allows 0.2 V"),
+    ({"oscillator_A": 0.001}, "oscillator is 0.001 A, whatever voltage that takes; sample 'S4.a' allows 0.2 V"),
+)
+
+
 def test_a_plan_beyond_the_limits_is_refused_before_it_is_accepted(
-    start_daemon: Callable[..., object], build: Build, changes: dict[str, object], says: str
+    start_daemon: Callable[..., object], build: Build
 ) -> None:
     assert build.plan is not None
     start_daemon(max_bias_V=5.0, max_oscillator_V=0.6)
     with connect() as lab:
-        began = time.monotonic()
-        with pytest.raises(DaemonError, match=says):
-            lab.begin(build, "disk", replace(build.plan, **changes))
-        assert time.monotonic() - began < 5
-        assert lab.samples() == ()
+        for changes, says in BEYOND_THE_BENCH:
+            began = time.monotonic()
+            with pytest.raises(DaemonError, match=says):
+                lab.begin(build, "disk", replace(build.plan, **changes))
+            assert time.monotonic() - began < 5
+            assert lab.samples() == ()
         assert lab.measure(build, "disk").sweeps
 
 
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"bias_V": 3.0}, "bias is 3 V; sample 'S4.a' allows 2 V"),
-        ({"bias_V": -3.0}, "bias is -3 V; sample 'S4.a' allows 2 V"),
-        ({"bias_V": 6.0}, "bias is 6 V; this bench allows 5 V"),
-        ({"oscillator_V": 0.5}, "oscillator is 0.5 V; sample 'S4.a' allows 0.2 V"),
-        ({"oscillator_A": 0.001}, "oscillator is 0.001 A, whatever voltage that takes; sample 'S4.a' allows 0.2 V"),
-    ],
-)
 def test_a_plan_beyond_what_the_sample_stands_is_refused_before_it_is_accepted(
-    start_daemon: Callable[..., object], build: Build, changes: dict[str, object], says: str
+    start_daemon: Callable[..., object], build: Build
 ) -> None:
     start_daemon(max_bias_V=5.0)
     tender = replace(build, limits=LevelLimits(max_bias_V=2.0, max_oscillator_V=0.2))
     gentle = SweepPlan((Segment(1e6, 2e6, 3),), oscillator_V=0.2, bias_V=2.0)
     with connect() as lab:
-        with pytest.raises(DaemonError, match=says):
-            lab.begin(tender, "disk", replace(gentle, **changes))
-        assert lab.samples() == ()
+        for changes, says in BEYOND_THE_SAMPLE:
+            with pytest.raises(DaemonError, match=says):
+                lab.begin(tender, "disk", replace(gentle, **changes))
+            assert lab.samples() == ()
         assert lab.measure(tender, "disk", gentle).sweeps
         assert lab.measure(build, "disk", replace(gentle, oscillator_V=0.5)).sweeps, "another sample allows more"
 

@@ -193,14 +193,14 @@ def test_endless_hellos_of_a_fitter_do_not_fill_the_journal(start_daemon) -> Non
     context.term()
 
 
-@pytest.mark.parametrize("name", ["../../../escape", "/tmp/escape", ".."])  # noqa: S108
-def test_no_name_leads_out_of_the_data_folder(start_daemon, build: Build, name: str) -> None:
+def test_no_name_leads_out_of_the_data_folder(start_daemon, build: Build) -> None:
     start_daemon("Echo")
     with connect() as lab:
         before = set(home().parent.iterdir())
-        lab.measure(replace(build, name=name), "disk")
-        assert set(home().parent.iterdir()) == before
-        assert lab.samples(name)[0].name == name
+        for name in ("../../../escape", "/tmp/escape", ".."):  # noqa: S108
+            lab.measure(replace(build, name=name), "disk")
+            assert set(home().parent.iterdir()) == before
+            assert lab.samples(name)[0].name == name
 
 
 def test_every_request_is_in_the_docs() -> None:

@@ -81,23 +81,19 @@ def test_a_request_id_is_done_once_even_after_the_daemon_is_killed(start_daemon,
         assert [one.state for one in history.measurements] == ["measured", "measured"]
 
 
-@pytest.mark.parametrize(
-    ("request_text", "says"),
-    [
+def test_what_is_wrong_with_a_request_is_said(start_daemon, dealer) -> None:
+    link = dealer(start_daemon().requests)
+    for request_text, says in (
         (b'{"id":"1","request":"dance"}', "'dance' is not known; known are hello, status"),
         (b'{"id":"1","request":"hello","v":9}', "it has wire version 9; this daemon reads version 1"),
-        (b'{"id":"1","request":"replay","since":1,"max":1000000}', "Expected `int` <= 50 - at `\\$.max`"),
+        (b'{"id":"1","request":"replay","since":1,"max":1000000}', "Expected `int` <= 50 - at `$.max`"),
         (b'{"id":"1","request":"submit","measurement":"m"}', "missing required field `fitter`"),
         (b'{"id":"1","request":"measure","step":"disk","build":{"name":1}}', "Expected `str`, got `int`"),
-    ],
-)
-def test_what_is_wrong_with_a_request_is_said(start_daemon, dealer, request_text: bytes, says: str) -> None:
-    link = dealer(start_daemon().requests)
-    link.send(request_text)
-    answer = json.loads(link.recv())
-    assert (answer["id"], answer["ok"]) == ("1", False)
-    with pytest.raises(ValueError, match=says):
-        raise ValueError(answer["error"]["message"])
+    ):
+        link.send(request_text)
+        answer = json.loads(link.recv())
+        assert (answer["id"], answer["ok"]) == ("1", False)
+        assert says in answer["error"]["message"]
 
 
 def test_garbage_is_counted_and_harms_nobody(start_daemon, dealer) -> None:
