@@ -115,8 +115,8 @@ def read_judged(folder: Path, published: str) -> tuple[Judged, ...]:
     Raises ProofError where the truth is not the one whose hash was published.
     """
     truths = read_sealed(folder, published)
-    answers = json.loads((folder / "answers.json").read_text())
-    told: dict[str, Any] = json.loads((folder / TOLD).read_text()) if (folder / TOLD).exists() else {}
+    answers = json.loads((folder / "answers.json").read_text(encoding="utf-8"))
+    told: dict[str, Any] = json.loads((folder / TOLD).read_text(encoding="utf-8")) if (folder / TOLD).exists() else {}
     missing = {"error": "no answer"}
     return tuple(Judged(name, truth, answers.get(name, missing), told.get(name, {})) for name, truth in truths.items())
 

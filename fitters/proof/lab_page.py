@@ -35,7 +35,7 @@ narrow."""
 def read_cases(folder: Path, published: str) -> list[LabCase]:
     """Read truth and answers of a proof. Raises ProofError where the truth is not what was published."""
     truths = read_sealed(folder, published)
-    answers: dict[str, Any] = json.loads((folder / "answers.json").read_text())
+    answers: dict[str, Any] = json.loads((folder / "answers.json").read_text(encoding="utf-8"))
     return [LabCase(name, truth, answers.get(name, {"error": "no answer"})) for name, truth in truths.items()]
 
 
@@ -80,7 +80,7 @@ def write_page(folder: Path, cases: Sequence[LabCase], published: str, title: st
         _failures(cases),
     ]
     page = folder / PAGE
-    page.write_text("\n\n".join(parts) + "\n")
+    page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return page
 
 

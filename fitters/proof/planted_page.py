@@ -18,7 +18,7 @@ _TARGETS = {"named, size within 15 %": ">= 85 %"}
 def read_planted(folder: Path, published: str) -> tuple[list[PlantedCase], dict[str, Any]]:
     """Return all planted cases and all answers. Raises ProofError where the truth is not what was published."""
     truths = read_sealed(folder, published)
-    answers: dict[str, Any] = json.loads((folder / "answers.json").read_text())
+    answers: dict[str, Any] = json.loads((folder / "answers.json").read_text(encoding="utf-8"))
     missing = {"error": "no answer"}
     cases = [
         PlantedCase(name, truth, answers.get(name, missing), answers.get(truth["bare"], missing))
@@ -60,7 +60,7 @@ def write_page(folder: Path, cases: Sequence[PlantedCase], published: str, title
         table(head, rows),
     ]
     page = folder / PAGE
-    page.write_text("\n\n".join(parts) + "\n")
+    page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
     return page
 
 

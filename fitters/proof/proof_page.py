@@ -52,7 +52,7 @@ def write_page(folder: Path, published: str, title: str) -> Path:
         ]
     )
     page = folder / PAGE
-    page.write_text(text + "\n")
+    page.write_text(text + "\n", encoding="utf-8")
     return page
 
 

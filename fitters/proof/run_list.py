@@ -33,7 +33,7 @@ def read_runs(path: Path) -> list[SealedRun]:
     """Return all runs of a list, the oldest first; none where there is no list yet."""
     if not path.exists():
         return []
-    return [SealedRun(**one) for one in json.loads(path.read_text())]
+    return [SealedRun(**one) for one in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def enter(path: Path, run: SealedRun) -> None:
@@ -61,4 +61,4 @@ def pooled(runs: Sequence[SealedRun], world: str) -> dict[str, HitShare]:
 
 def _write(path: Path, runs: Sequence[SealedRun]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps([asdict(run) for run in runs], indent=1) + "\n")
+    path.write_text(json.dumps([asdict(run) for run in runs], indent=1) + "\n", encoding="utf-8")

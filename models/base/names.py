@@ -52,6 +52,11 @@ def shown(text: str, keep: str = "") -> str:
     return "".join(c if c.isprintable() or c in keep else ascii(c)[1:-1] for c in text)
 
 
+_DEVICE = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+"""Names that Windows keeps for devices, in every folder and with every extension."""
+
+
 def as_file_name(*names: str) -> str:
     """Return names from outside, joined by `-`, as one safe component of a path."""
-    return "-".join(re.sub(r"[^\w +.,=@-]", "_", name) for name in names).lstrip(".") or "_"
+    name = "-".join(re.sub(r"[^\w +.,=@-]", "_", name) for name in names).lstrip(".").rstrip(" .") or "_"
+    return f"_{name}" if _DEVICE.fullmatch(name) else name

@@ -29,14 +29,14 @@ def write_case(folder: Path, case: Case) -> dict[str, Any]:
     """Write the files of one case into its own folder below `folder`; return its name and its truth."""
     case_folder = folder / case.name
     case_folder.mkdir(parents=True, exist_ok=True)
-    (case_folder / "build.toml").write_text(_build_text(case))
+    (case_folder / "build.toml").write_text(_build_text(case), encoding="utf-8")
     rng = np.random.default_rng(case.seed)
     files: dict[str, list[str]] = {}
     for sweep in case.sweeps:
         names = files.setdefault(sweep.step, [])
         names.append(f"{sweep.step}.csv" if not names else f"{sweep.step}-{len(names) + 1}.csv")
         z = noisy(record(case.scenario.device, case.scenario.hidden(sweep.step), sweep), sweep, rng)
-        (case_folder / names[-1]).write_text(_csv_text(sweep, z))
+        (case_folder / names[-1]).write_text(_csv_text(sweep, z), encoding="utf-8")
     return {"name": case.name, **_truth(case), "files": files}
 
 

@@ -27,7 +27,7 @@ def tell_all(folder: Path, published: str, jobs: int) -> None:
         for done in as_completed(waiting):
             if done.exception() is None:  # a defect of pzctl already showed in the first answer, which is scored
                 answers[waiting[done][0].name] = done.result()
-    (folder / TOLD).write_text(json.dumps(dict(sorted(answers.items()))))
+    (folder / TOLD).write_text(json.dumps(dict(sorted(answers.items()))), encoding="utf-8")
 
 
 def _told(case: tuple[Path, tuple[str, ...]]) -> dict[str, Any]:

@@ -87,11 +87,11 @@ def sources(folder: Path) -> Iterator[Source]:
 def _build_of(path: Path) -> str | None:
     beside = path.parent / "build.toml"
     if beside.exists():
-        return beside.read_text()
+        return beside.read_text(encoding="utf-8")
     ours = files("pzctl.daemon.cli.proof") / "real_builds"
     for name in (f"{path.parent.name}.{path.stem}.toml", f"{path.parent.name}.toml"):
         if (ours / name).is_file():
-            return (ours / name).read_text()
+            return (ours / name).read_text(encoding="utf-8")
     return None
 
 
@@ -141,7 +141,7 @@ def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) 
 def _write(source: Source, place: Path, z: Complexes, number: int | None = None, down: bool = False) -> None:
     """Write a case's build and one recording, in the order in which it was swept, with nine digits."""
     place.mkdir(parents=True, exist_ok=True)
-    (place / "build.toml").write_text(source.build)
+    (place / "build.toml").write_text(source.build, encoding="utf-8")
     lines = [f"# {key}: {value:g}" for key, value in source.settings.items()]
     if number is not None:
         lines.append(f"# sweep_seconds: {_SECONDS:g}")
@@ -149,7 +149,7 @@ def _write(source: Source, place: Path, z: Complexes, number: int | None = None,
         lines.append("# direction: down")
     rows = [f"{f:.6f},{v.real:.8e},{v.imag:.8e}" for f, v in zip(source.frequency, z, strict=True)]
     text = "\n".join([*lines, "frequency_Hz,R_ohm,X_ohm", *(rows[::-1] if down else rows)]) + "\n"
-    (place / (f"{source.step}-{number + 1}.csv" if number else f"{source.step}.csv")).write_text(text)
+    (place / (f"{source.step}-{number + 1}.csv" if number else f"{source.step}.csv")).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -80,7 +80,7 @@ def prove(
     if as_json:
         print(json.dumps({"sha256": published, "cases": len(answers), "seconds": seconds, **scored}))
         return
-    screen.print(Path(scored["page"]).read_text(), markup=False, highlight=False, soft_wrap=True)
+    screen.print(Path(scored["page"]).read_text(encoding="utf-8"), markup=False, highlight=False, soft_wrap=True)
     screen.print(f"{len(answers)} cases in {seconds:.0f} s; page: {scored['page']}", highlight=False)
 
 
@@ -149,7 +149,7 @@ def _diagnose_all(folders: list[Path], jobs: int, kept: Path) -> dict[str, Any]:
             defect = done.exception()  # a defect of pzctl counts as a wrong answer; the other cases go on
             answers[name] = {"error": f"a defect: {defect!r}"} if defect else done.result()
             effects = [finding["effect"] for finding in answers[name].get("findings", [])]
-            kept.write_text(json.dumps(dict(sorted(answers.items()))))
+            kept.write_text(json.dumps(dict(sorted(answers.items()))), encoding="utf-8")
             says = f"{len(answers)}/{len(folders)} {name}: {', '.join(effects) or 'nothing'}"
             console(stderr=True).print(says, markup=False, highlight=False, soft_wrap=True)
     return answers

@@ -71,9 +71,9 @@ class RealAnswer:
 def devices(folder: Path) -> Iterator[RealDevice]:
     """Yield the devices whose recordings are in a folder, in the order of the list."""
     ours = files("pzctl.daemon.cli.proof") / "real_builds"
-    for one in tomllib.loads((ours / "devices.toml").read_text())["devices"]:
+    for one in tomllib.loads((ours / "devices.toml").read_text(encoding="utf-8"))["devices"]:
         paths = sorted(folder.glob(one["recordings"]))
-        build = (ours / one["build"]).read_text() if "build" in one else None
+        build = (ours / one["build"]).read_text(encoding="utf-8") if "build" in one else None
         groups = ([paths] if paths else []) if "fitter" in one else [[path] for path in paths]
         for group in groups:
             name = group[0].parent.name if len(group) > 1 else f"{group[0].parent.name}/{group[0].stem}"
@@ -135,7 +135,7 @@ def write_page(folder: Path, page: Path, heard: Callable[[RealAnswer], None] = l
             answers[waiting[done].name] = done.result()
             heard(done.result())
     made = [answers[device.name] for device in listed]
-    page.write_text(page_text(made))
+    page.write_text(page_text(made), encoding="utf-8")
     return made
 
 

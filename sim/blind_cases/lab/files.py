@@ -18,13 +18,15 @@ def make_case(folder: Path, seed: int, index: int) -> dict[str, Any]:
     case = draw_case(seed, index)
     place = folder / case.name
     place.mkdir(parents=True, exist_ok=True)
-    (place / "build.toml").write_text(build_text(case))
+    (place / "build.toml").write_text(build_text(case), encoding="utf-8")
     rng = np.random.default_rng(case.seed)
     files: dict[str, list[str]] = {}
     for take in case.takes:
         of_step = files.setdefault(take.step, [])
         of_step.append(f"{take.step}.csv" if not of_step else f"{take.step}-{len(of_step) + 1}.csv")
-        (place / of_step[-1]).write_text(_csv_text(take, measured(case, take, rng), case.analyzer.bandwidth))
+        (place / of_step[-1]).write_text(
+            _csv_text(take, measured(case, take, rng), case.analyzer.bandwidth), encoding="utf-8"
+        )
     return {"name": case.name, **truth(case), "files": files}
 
 
