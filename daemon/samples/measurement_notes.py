@@ -67,8 +67,8 @@ def with_earlier_masses(build: Build) -> Build:
 
 
 def mass_of(text: str) -> Quantity:
-    """Return the mass (kg) that was typed as `GRAMS:UNCERTAINTY`. Raises ValueError."""
-    value, _, u = text.partition(":")
+    """Return the mass (kg) that was typed as `GRAMS:UNCERTAINTY`, also with decimal commas. Raises ValueError."""
+    value, _, u = text.replace(",", ".").partition(":")
     grams, uncertainty = float(value), float(u)
     if not (0 < grams < 1e6 and 0 < uncertainty < grams):
         raise ValueError(text)

@@ -13,7 +13,7 @@ import typer
 
 from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
-from .note_options import NoteOptions
+from .note_options import NoteOptions, decimal
 from .repeats import Pause, duration
 
 if TYPE_CHECKING:
@@ -77,7 +77,9 @@ def measure(
         Path | None, typer.Option(help="Specification file to judge by; default: [limits] of the build file.")
     ] = None,
     operator: Annotated[str | None, typer.Option(help="Who measures; kept with the measurement.")] = None,
-    temperature: Annotated[float | None, typer.Option(help="Temperature of the sample, degrees Celsius.")] = None,
+    temperature: Annotated[
+        float | None, typer.Option(parser=decimal, metavar="CELSIUS", help="Temperature of the sample.")
+    ] = None,
     mass: Annotated[
         str | None, typer.Option(metavar="GRAMS:U", help="Mass from the balance; with --step. Decides the density.")
     ] = None,

@@ -4,10 +4,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from ..analysis.fit import UsageError
 
 if TYPE_CHECKING:
     from ....models.build import Build, Quantity
+
+
+def decimal(text: str) -> float:
+    """Return a number typed with a decimal point or comma. Raises typer.BadParameter."""
+    try:
+        return float(text.replace(",", ".") if text.count(",") == 1 and "." not in text else text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is no number") from None
 
 
 @dataclass(frozen=True)
