@@ -38,9 +38,9 @@ def reduced(section: Section, sizes: Sizes, values: Complexes, frequency: Freque
 
 
 def error(section: Section, finer: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> float:
-    """Return the largest relative difference of the capacitances of two sections at these frequencies in Hz."""
-    finest = capacitance(finer, sizes, values, frequency)
-    return float(np.abs(capacitance(section, sizes, values, frequency) / finest - 1).max())
+    """Return the root mean square relative difference of the capacitances of two sections at frequencies in Hz."""
+    ratio = capacitance(section, sizes, values, frequency) / capacitance(finer, sizes, values, frequency)
+    return float(np.sqrt(np.mean(np.abs(ratio - 1) ** 2)))
 
 
 def _samples(found: Motion) -> dict[str, Complexes]:

@@ -120,8 +120,8 @@ def with_reduced_section(
 ) -> tuple[Stack2D, float]:
     """Return the stack over the functions of z that it needs in these bands in Hz, and their error.
 
-    The error is that of the capacitance, relative, against functions of higher degree that are not reduced, between
-    the frequencies of which samples were taken.
+    The error is that of the capacitance, relative, root mean square, against functions of higher degree that are not
+    reduced, between the frequencies of which samples were taken.
     """
     asked = [np.linspace(low, high, 2 * _PLACES + 1) for low, high in bands]
     sampled, between = (np.concatenate([own[start::2] for own in asked]) for start in (0, 1))
@@ -131,6 +131,6 @@ def with_reduced_section(
 
 
 def section_error(stack: Stack2D, frequency: Frequencies) -> float:
-    """Return the largest relative error of the capacitance at frequencies in Hz, against functions of higher degree."""
+    """Return the relative error of the capacitance, rms over frequencies in Hz, against functions of higher degree."""
     finer = full_section(stack.layers, float(frequency.max()), _FINER)
     return error(stack.section, finer, stack.sizes, stack.over(frequency), frequency)

@@ -14,18 +14,21 @@ import numpy as np
 from ....models.base.arrays import Reals
 from ...disk.two_d.misfit_as_noise import left_of
 from ...disk.two_d.valley_search import followed
+from ...engine.descent import descend
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
 
 _RANKED = 0.1
 # Misfit of ln Z that counts as noise in the comparison of starts.
-_SEARCH = ((0.1, 16, 6), (0.05, 8, 8), (0.02, 4, 12), (0.004, 2, 15))
+_SEARCH = ((0.1, 16, 6), (0.05, 8, 8), (0.02, 4, 12))
 # Successive misfits that count as noise, the number of places followed, and the steps from each.
+_LAST, _FINE, _MOST = 0.004, 1e-3, 15
+# Misfit that counts as noise, tolerance and steps of the last descent, with the exact models.
 _NEAR, _KEPT = 0.35, 4
 # Random steps from the best minima, in the standard deviation of what is drawn, and the number of these minima.
 _DESCRIBED = 2.0
-# Misfit over that expected of noise and model up to which a minimum ends the search.
+# Misfit over that expected of the noise up to which a minimum ends the search.
 
 
 @dataclass(frozen=True)
@@ -38,36 +41,41 @@ class Effort:
 
 
 def searched(
-    recordings: Sequence[Recording],
+    rough: Sequence[Recording],
+    exact: Sequence[Sequence[Recording]],
     coordinates: Coordinates,
     priors: Sequence[Prior | Posterior],
     given: Sequence[Reals],
     drawn: Callable[[int], Sequence[Reals]],
     effort: Effort,
-    error: float,
-) -> tuple[Reals, int]:
-    """Return the best minimum found, and the number of evaluations.
+) -> tuple[Reals, int, int]:
+    """Return the best minimum found, the index of its models in `exact`, and the number of evaluations.
 
-    `given`: starts; `drawn(n)` returns n random ones. `error`: of the models, relative to Z; a minimum that describes
-    the recordings to their noise and this error ends the search.
+    `rough`: recordings with quick models. `exact`: the same with models that say whether a minimum describes them,
+    which ends the search; there may be several kinds of these. `given`: starts that are followed first; `drawn(n)`
+    returns n random ones for later rounds.
     """
     rng = np.random.default_rng(0)
-    ranking = Objective([replace(one, misfit=_RANKED) for one in recordings], coordinates, priors)
-    expected = math.sqrt(sum(float(np.sum(2 * one.noise**2 + error**2)) for one in recordings))
-    starts, minima, evaluations = list(given), list[tuple[float, Reals]](), 0
-    for _ in range(effort.rounds):
-        fresh = list(drawn(effort.draws))
-        starts += fresh
-        spread = _NEAR * np.std(np.array(fresh), axis=0)
-        for _, x in minima[:_KEPT]:
-            starts += [x + spread * rng.normal(size=x.size) for _ in range(effort.draws // _KEPT)]
+    ranking = Objective([replace(one, misfit=_RANKED) for one in rough], coordinates, priors)
+    expected = math.sqrt(sum(float(np.sum(2 * one.noise**2)) for one in exact[0]))
+    starts, minima, evaluations = list(given), list[tuple[float, int, Reals]](), 0
+    for k in range(1 + effort.rounds):
+        if k:
+            starts = list(drawn(effort.draws))
+            spread = _NEAR * np.std(np.array(starts), axis=0)
+            for *_, x in minima[:_KEPT]:
+                starts += [x + spread * rng.normal(size=x.size) for _ in range(effort.draws // _KEPT)]
         costs = np.array([float(np.sum(ranking.residual(x) ** 2)) for x in starts])
         best: list[Reals] = [starts[k] for k in np.argsort(costs).tolist()]
-        x, more = followed(recordings, coordinates, priors, best, _SEARCH, 1)
-        evaluations += more + len(starts)
-        minima.append((left_of(recordings, coordinates, x), x))
-        minima.sort(key=lambda one: one[0])
-        starts = []
+        x, more = followed(rough, coordinates, priors, best, _SEARCH, 1)
+        evaluations += len(starts) + more
+        for kind, judging in enumerate(exact):
+            last = Objective([replace(one, misfit=_LAST) for one in judging], coordinates, priors)
+            end = descend(last, x, _FINE, _MOST)
+            evaluations += end.evaluations
+            minima.append((left_of(judging, coordinates, end.x), kind, end.x))
+        minima.sort(key=lambda one: one[:2])
         if minima[0][0] < _DESCRIBED * expected:
             break
-    return minima[0][1], evaluations
+    _, kind, x = minima[0]
+    return x, kind, evaluations

@@ -26,8 +26,8 @@ class Stack2DFitter:
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the constants of all layers to all steps at once, starting from the one-dimensional answer.
 
-        Raises FitError as `mason` does, and if no recording lies below 1.5 times the thickness resonance; TaskError for
-        a build that the model lacks.
+        Raises FitError if no recording lies below 1.5 times the thickness resonance, TaskError for a build that the
+        model lacks.
         """
         began = time.perf_counter()
         found = fitted_stack(problem_of(task), progress)

@@ -102,7 +102,7 @@ def _about(found: FittedStack) -> tuple[str, ...]:
     tensor = tensor_of(values, problem.disk.name)
     says = [
         f"Constants at {problem.reference / 1e3:.5g} kHz, with {law}, which describe the first step better. The model "
-        f"is accurate to {found.error:.1g} of the capacitance (compared with functions of higher degree).",
+        f"is accurate to {found.error:.1g} of the capacitance (rms, compared with functions of higher degree).",
         f"Passivity check passed: the smallest loss tangent is {passivity_margin(tensor.law):.2g} (Holland).",
     ]
     heavy = [face for face in ("back", "front") if values.get(f"{face}.z", 0.0) > _LIGHT]

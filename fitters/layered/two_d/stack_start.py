@@ -12,9 +12,10 @@ from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.matrices import CONSTANTS
 from ...disk.two_d.tensor_start import AXIAL, PLANE, WIDTHS, expected, library
 from ...engine.multi_step_fit import solve
+from ...engine.parameters.assembly import nominal_parameters
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Prior, Recording
-from ...interface import FitTask
+from ...interface import FitError, FitTask, TaskError
 from .stack_problem import StackProblem, tensor_values
 
 _LEAST_LOSS, _MOST_LOSS = 1e-3, 0.1
@@ -30,8 +31,16 @@ _COARSE = 100
 
 
 def one_dimensional(problem: StackProblem, progress: Callable[[str], None]) -> dict[str, float]:
-    """Return every parameter of the one-dimensional fit of all steps. Raises FitError as `mason` does."""
-    solution = solve(FitTask(problem.build, problem.sweeps), progress)
+    """Return every parameter of the one-dimensional fit of all steps; the build's where that fit is impossible.
+
+    Lateral modes can hide the pair of resonances that it looks for.
+    """
+    try:
+        solution = solve(FitTask(problem.build, problem.sweeps), progress)
+    except TaskError:
+        raise
+    except FitError:
+        return nominal_parameters(problem.build)
     return solution.descent.objective.coordinates.forward(solution.descent.x)[0]
 
 

@@ -20,14 +20,13 @@ from .lateral_search import Effort, searched
 from .stack_problem import StackProblem, nominal, stack_coordinates, stack_of, stack_priors, tensor_values
 from .stack_start import drawn_layers, drawn_starts, library_starts, one_dimensional, thinned, usual_tensor
 
-_BARE, _STACK, _LAYERS = Effort(4, 200), Effort(2, 60), Effort(3, 40)
+_BARE, _STACK, _LAYERS = Effort(4, 200), Effort(2, 60), Effort(6, 40)
 # Search for the constants of a bare disk, of a disk that was never measured bare, and of further layers.
 _ROUGH = 1e-2
 # Part of the largest singular value down to which functions of z are kept for the search.
 _TOLERANCE = 1e-5
 _ROUNDS, _STILL, _MOST = 6, 0.01, 60
-# Finally the remaining misfit is counted as noise, and the descent repeated until it falls by less than 1 %; at first over
-# few points.
+# Finally the remaining misfit is counted as noise, and the descent repeated until it falls by less than 1 %.
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,7 @@ class FittedStack:
 
 
 def fitted_stack(problem: StackProblem, progress: Callable[[str], None]) -> FittedStack:
-    """Return the fit of all steps. Raises FitError as `mason` does, from whose answer it starts."""
+    """Return the fit of all steps, which starts from the answer of `mason`. Raises TaskError."""
     plate = one_dimensional(problem, progress)
     usual = usual_tensor(problem, plate)
     values = {**nominal(problem, usual), **plate, **tensor_values(problem.disk.name, usual)}
@@ -63,7 +62,8 @@ def _first(problem: StackProblem, step: str, values: Mapping[str, float]) -> tup
     """Return the loss law that describes the first step better, its parameters there, and the number of evaluations."""
     laws: tuple[LossLaw, ...] = (CausalConstantQ(problem.reference), CONSTANT)
     coordinates, priors = stack_coordinates(problem, [step], values), stack_priors(problem, [step])
-    rough, error = _recordings(problem, [step], values, laws[0], _ROUGH)
+    rough = _few(problem, [step], values, laws[0], _ROUGH)
+    exact = [_few(problem, [step], values, law, KEPT) for law in laws]
     rng = np.random.default_rng(1)
 
     def drawn(count: int) -> list[Reals]:
@@ -71,15 +71,7 @@ def _first(problem: StackProblem, step: str, values: Mapping[str, float]) -> tup
 
     effort = _BARE if problem.build.step(step).layers == (problem.disk.name,) else _STACK
     given = library_starts(problem, values, coordinates)
-    x, evaluations = searched(list(map(thinned, rough)), coordinates, priors, given, drawn, effort, error)
-    tried: list[tuple[float, int, Reals]] = []
-    for k, law in enumerate(laws):
-        there = {**values, **coordinates.forward(x)[0]}
-        whole = [at_level(one, coordinates, x) for one in _recordings(problem, [step], there, law)[0]]
-        end = descend(Objective(whole, coordinates, priors), x, _TOLERANCE, _MOST)
-        evaluations += end.evaluations
-        tried.append((left_of(whole, coordinates, end.x), k, end.x))
-    _, best, x = min(tried, key=lambda one: one[:2])
+    x, best, evaluations = searched(rough, exact, coordinates, priors, given, drawn, effort)
     return laws[best], {**values, **coordinates.forward(x)[0]}, evaluations
 
 
@@ -88,7 +80,7 @@ def _further(
 ) -> tuple[dict[str, float], int]:
     """Return the parameters with those of the last of these steps, and the number of evaluations."""
     coordinates, priors = stack_coordinates(problem, steps, values), stack_priors(problem, steps)
-    rough, error = _recordings(problem, steps, values, law, _ROUGH)
+    rough, exact = (_few(problem, steps, values, law, kept) for kept in (_ROUGH, KEPT))
     before = {layer.name for layer in layers_of(problem.build, steps[:-1])}
     new = [name for name in problem.build.step(steps[-1]).layers if name not in before]
     known = [prior for prior in priors if isinstance(prior, Prior)]
@@ -97,15 +89,17 @@ def _further(
     def drawn(count: int) -> list[Reals]:
         return drawn_layers(new, coordinates, known, count, rng)
 
-    few = list(map(thinned, rough))
-    x, evaluations = searched(few, coordinates, priors, [coordinates.x], drawn, _LAYERS, error)
+    x, _, evaluations = searched(rough, [exact], coordinates, priors, [coordinates.x], drawn, _LAYERS)
     return {**values, **coordinates.forward(x)[0]}, evaluations
 
 
 def _recordings(
     problem: StackProblem, steps: Sequence[str], values: Mapping[str, float], law: LossLaw, kept: float = KEPT
 ) -> tuple[list[Recording], float]:
-    """Return the recordings of these steps with models for these values, and the largest error of a model."""
+    """Return the recordings of these steps with models for these values, and the largest error of a model.
+
+    A model's own error counts as noise.
+    """
     made: list[Recording] = []
     errors: list[float] = []
     for step in steps:
@@ -113,8 +107,16 @@ def _recordings(
         errors.append(error)
         names = renamed(problem.build, step)
         pairs = zip(problem.sweeps[step], problem.noises[step], strict=True)
-        made += [Recording(step, sweep, model, noise, renamed=names) for sweep, noise in pairs]
+        own = error / math.sqrt(2)
+        made += [Recording(step, sweep, model, np.hypot(noise, own), renamed=names) for sweep, noise in pairs]
     return made, max(errors)
+
+
+def _few(
+    problem: StackProblem, steps: Sequence[str], values: Mapping[str, float], law: LossLaw, kept: float
+) -> list[Recording]:
+    """Return the same with few points."""
+    return list(map(thinned, _recordings(problem, steps, values, law, kept)[0]))
 
 
 def _settled(problem: StackProblem, values: Mapping[str, float], law: LossLaw, evaluations: int) -> FittedStack:

@@ -85,13 +85,13 @@ def test_a_reduced_section_serves_and_says_how_well():
     built = stack(DISK, GLUE, MATCHING)
     fewer, error = with_reduced_section(built, [(0.2e6, 1.4e6)])
     assert fewer.section.size < built.section.size
-    assert error < 1e-3
-    assert difference(fewer.impedance(F), stack(DISK, GLUE, MATCHING, finer=4).impedance(F)) < 2 * error
+    assert error < 3e-4
+    assert difference(fewer.impedance(F), stack(DISK, GLUE, MATCHING, finer=4).impedance(F)) < 5 * error
     softer = fewer.replace({"disk.c11E.re": 0.9 * TENSOR.c11E.real, "ml1.poisson": 0.38})
-    assert section_error(softer, F) < 2e-3
+    assert section_error(softer, F) < 1e-3
     bare, error = with_reduced_section(stack(DISK), [(0.2e6, 1.4e6)])
     assert bare.section.size < 0.5 * stack(DISK).section.size  # it moves symmetrically
-    assert error < 1e-4
+    assert error < 3e-5
 
 
 def test_what_is_no_stack_is_refused():

@@ -1,0 +1,189 @@
+"""Fitter stack2d: a known glued stack, its coordinates, and refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from complex_ceramic import TENSOR
+
+from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.fitters.engine.objective import Objective
+from pzctl.fitters.engine.recording import Recording
+from pzctl.fitters.interface import FitError, FitTask, TaskError
+from pzctl.fitters.layered.two_d.plate_block import plate_block
+from pzctl.fitters.layered.two_d.stack2d import Stack2DFitter
+from pzctl.fitters.layered.two_d.stack_problem import (
+    nominal,
+    problem_of,
+    stack_coordinates,
+    stack_of,
+    stack_priors,
+    tensor_values,
+)
+from pzctl.fitters.layered.two_d.stack_start import one_dimensional
+from pzctl.models.disk2d.matrices import CONSTANTS
+from pzctl.models.stack.laws import CONSTANT
+from pzctl.models.stack2d.layers2d import Ceramic2D, Isotropic
+from pzctl.models.stack2d.stack_model import Stack2D, full_section
+from pzctl.models.sweep import Sweep
+
+BUILD = """
+name = "S"
+diameter_mm = 6.0
+[[layers]]
+name = "disk"
+kind = "piezo"
+material = "Pz27 Bergen"
+thickness_mm = { value = 1.0, u = 0.002 }
+density_kg_m3 = 7700
+[[layers]]
+name = "glue1"
+kind = "elastic"
+material = "epoxy"
+thickness_mm = { value = 0.020, u = 0.005 }
+[[layers]]
+name = "ml1"
+kind = "elastic"
+z_MRayl = { value = 10.3, u = 0.5 }
+c_m_s = { value = 2455, u = 150 }
+q = { value = 60, u = 30 }
+poisson = { value = 0.33, u = 0.03 }
+thickness_mm = { value = 0.3, u = 0.004 }
+[load]
+back = "air"
+front = "air"
+[[steps]]
+name = "disk"
+layers = ["disk"]
+[[steps]]
+name = "ml1"
+layers = ["disk", "glue1", "ml1"]
+"""
+DISK = Ceramic2D("disk", replace(TENSOR, c11E=1.02 * TENSOR.c11E, c33E=0.98 * TENSOR.c33E), 1.001e-3, 7700.0)
+GLUE = Isotropic("glue1", 18e-6, 2.5e6, 2250.0, 11.0, 0.37)
+MATCHING = Isotropic("ml1", 0.302e-3, 10.5e6, 2420.0, 50.0, 0.32)
+F = np.linspace(0.4e6, 2.2e6, 61)
+
+
+def recorded(*layers, seed=0):
+    """Return two sweeps of a stack, which tell its noise."""
+    stack = Stack2D(layers, np.pi * 3e-3**2, full_section(layers, F[-1], 2), 413.0, 413.0)
+    Z, rng = stack.impedance(F), np.random.default_rng(seed)
+    noise = 2e-4 * (rng.normal(size=(2, F.size)) + 1j * rng.normal(size=(2, F.size)))
+    return tuple(Sweep(F, Z * np.exp(one)) for one in noise)
+
+
+@pytest.fixture(scope="module")
+def sweeps():
+    return {"disk": recorded(DISK), "ml1": recorded(DISK, GLUE, MATCHING, seed=1)}
+
+
+def test_a_known_stack_is_recovered(sweeps):
+    result = Stack2DFitter().fit(FitTask(parse_build(BUILD, "build.toml"), sweeps))
+    assert result.converged
+    assert result.rms_log_error < 4e-4
+    assert result.steps == ("disk", "ml1")
+    for name in CONSTANTS:
+        true, found = complex(getattr(DISK.constants, name)), result.constants[f"disk.{name}"]
+        assert abs(found.re - true.real) < 4 * found.u_re, name
+        assert abs(found.im - true.imag) < 4 * found.u_im, name
+    for layer in (GLUE, MATCHING):
+        for key, true in layer.parameters().items():
+            found = result.constants[f"{layer.name}.{key}"]
+            assert abs(found.re - true) < 4 * found.u_re, f"{layer.name}.{key}"
+    assert result.constants["ml1.c"].u_re < 0.005 * MATCHING.c  # the prior's is 0.06
+    plate = DISK.constants.thickness
+    assert result.constants["disk.c33D"].re == pytest.approx(plate.c33D.real, rel=5e-3)
+    assert result.derived["disk.kt"].re == pytest.approx(plate.kt.real, rel=2e-3)
+    assert "disk.kp" in result.derived
+    assert any("the same losses at all frequencies" in text for text in result.says)
+    assert not any("does not describe" in text for text in result.says)
+
+
+def test_the_plate_block_has_exact_derivatives():
+    block = plate_block("disk")
+    values = np.array([tensor_values("disk", TENSOR)[name] for name in block.parameters])
+    x = block.inverse(values)
+    made, J = block.forward(x)
+    np.testing.assert_allclose(made, values, rtol=1e-9)
+    for k, step in enumerate(1e-6 * np.eye(x.size)):
+        slope = (block.forward(x + step)[0] - block.forward(x - step)[0]) / 2e-6
+        size = np.abs(values).reshape(-1, 2).max(axis=1).repeat(2)
+        np.testing.assert_allclose(J[:, k] / size, slope / size, rtol=1e-5, atol=1e-8)
+
+
+def test_the_objective_has_exact_derivatives(sweeps):
+    problem = problem_of(FitTask(parse_build(BUILD, "build.toml"), sweeps))
+    values = nominal(problem, TENSOR)
+    coordinates = stack_coordinates(problem, ["disk", "ml1"], values)
+    assert {"glue1.poisson", "ml1.poisson", "disk.tensor.axial5", "ml1.c"} <= set(coordinates.free)
+    assert not any(name.startswith("disk.c33D") for name in coordinates.free)
+    model = stack_of(problem, "ml1", values, CONSTANT)
+    few = replace(sweeps["ml1"][0], frequency=F[::12], impedance=sweeps["ml1"][0].impedance[::12])
+    recording = Recording("ml1", few, model, np.full(few.frequency.size, 1.0))
+    objective = Objective([recording], coordinates, stack_priors(problem, ["disk", "ml1"]))
+    x = coordinates.x
+    J = objective.jacobian(x)
+    for k, step in enumerate(1e-4 * np.eye(x.size)):
+        slope = (objective.residual(x + step) - objective.residual(x - step)) / 2e-4
+        np.testing.assert_allclose(
+            J[:, k], slope, atol=2e-4 * max(1.0, np.abs(slope).max()), err_msg=coordinates.free[k]
+        )
+
+
+def test_where_one_dimension_fails_the_fit_starts_from_the_build():
+    f = np.linspace(0.05e6, 0.2e6, 30)
+    flat = {"disk": (Sweep(f, 1 / (2j * np.pi * f * 2e-10)),)}
+    problem = problem_of(FitTask(parse_build(BUILD, "build.toml"), flat))
+    assert one_dimensional(problem, lambda _: None)["ml1.z"] == 10.3e6
+
+
+TAIL = """[electrical]
+connection = "series"
+[[layers]]
+name = "tail"
+kind = "piezo"
+material = "Pz27"
+thickness_mm = 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("diameter_mm = 6.0", "area_mm2 = 28.3", "covers round stacks; build 'S' gives an area"),
+        ("[load]", f"{TAIL}[load]", "covers one piezoelectric layer; build 'S' has disk, tail"),
+        ("density_kg_m3 = 7700", "electrode_diameter_mm = 5.5", "electrodes up to the rim"),
+        (
+            "density_kg_m3 = 7700",
+            "c33D_GPa = { re = 144, u = 3, min = 130, max = 160 }",
+            r"cannot bound 'disk.c33D': `stack2d` moves it",
+        ),
+    ],
+)
+def test_builds_that_the_model_lacks_are_refused(sweeps, old, new, says):
+    assert old in BUILD
+    with pytest.raises(TaskError, match=says):
+        problem_of(FitTask(parse_build(BUILD.replace(old, new), "build.toml"), {"disk": sweeps["disk"]}))
+
+
+@pytest.mark.parametrize(
+    ("free", "says"),
+    [
+        (("ml1.z",), "`stack2d` frees all ten constants together; 'disk.c11E' is not among those to free"),
+        ((*(f"disk.{name}" for name in CONSTANTS), "disk.h33"), "`stack2d` has it from the ten constants of 'disk'"),
+        ((*(f"disk.{name}" for name in CONSTANTS), "ml1.x"), "cannot free 'ml1.x'"),
+    ],
+)
+def test_constants_that_cannot_be_freed_are_named(sweeps, free, says):
+    problem = problem_of(FitTask(parse_build(BUILD, "build.toml"), sweeps, free=free))
+    with pytest.raises(TaskError, match=says):
+        stack_coordinates(problem, ["disk", "ml1"], nominal(problem, TENSOR))
+
+
+def test_recordings_above_its_reach_are_refused():
+    f = np.linspace(5e6, 6e6, 30)
+    with pytest.raises(FitError, match=r"`stack2d` reaches up to 3400 kHz for a disk of this thickness"):
+        Stack2DFitter().fit(
+            FitTask(parse_build(BUILD, "build.toml"), {"disk": (Sweep(f, 1 / (2j * np.pi * f * 1e-9)),)})
+        )
