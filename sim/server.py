@@ -17,12 +17,12 @@ from .bench.jig import JIGS
 from .bench.sample import BenchSample, sample
 from .instrument.instrument import SERIAL, Instrument
 from .model import MODELS
+from .transport.exchange import Exchange, InFlight, serve_socket
 from .transport.faults import Faults
 from .transport.ftp import FtpServer
 from .transport.gpib import GpibDevice
 from .transport.listener import Handler, Listener, SimError
 from .transport.prologix import serve_prologix
-from .transport.session import Exchange, InFlight, serve_socket
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """docs/architecture.md and the decisions name existing modules, names, folders and contracts."""
 
+import ast
 import re
 import tomllib
+from collections import Counter
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
@@ -44,3 +46,37 @@ def test_the_picture_shows_every_room() -> None:
     shown = set(re.findall(r">(\w+)</text>", picture))
     rooms = {path.parent.name for floor in FLOORS for path in (ROOT / floor).glob("*/__init__.py")}
     assert {*rooms, *FLOORS} - shown == set()
+
+
+LARGEST_FOLDER = 20
+FOLDER_OF_A_CATALOGUE = "models/effects"
+"""One module for each effect."""
+KNOWN_TWICE = {
+    "fitters": {"Comparison", "Fitted", "Hypothesis", "Minimum", "Outcome", "Value", "candidates", "hypothesis"},
+    "models": {"laws"},
+}
+"""Names that are still used twice; the list only gets shorter."""
+
+
+def modules_of(floor: str) -> list[Path]:
+    return [path for path in (ROOT / floor).rglob("*.py") if not path.name.startswith("__")]
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_no_folder_is_crowded(floor: str) -> None:
+    sizes = Counter(str(path.parent.relative_to(ROOT)) for path in modules_of(floor))
+    assert not {name: n for name, n in sizes.items() if n > LARGEST_FOLDER and name != FOLDER_OF_A_CATALOGUE}
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_no_two_modules_or_public_classes_have_one_name(floor: str) -> None:
+    """Packages of analyzers each have the same modules, as each has the same parts."""
+    classes: Counter[str] = Counter()
+    modules: Counter[tuple[str, str]] = Counter()
+    for path in modules_of(floor):
+        package = path.relative_to(ROOT / floor).parts[0] if floor == "drivers" else ""
+        modules[package, path.stem] += 1
+        nodes = ast.parse(path.read_text(encoding="utf-8")).body
+        classes.update({node.name for node in nodes if isinstance(node, ast.ClassDef) and node.name[0] != "_"})
+    twice = {name for name, n in classes.items() if n > 1} | {name for (_, name), n in modules.items() if n > 1}
+    assert twice == KNOWN_TWICE.get(floor, set())

@@ -17,7 +17,7 @@ from . import compensation, settings
 from .accuracy import relative_accuracy, relative_noise
 from .capabilities import CAPABILITIES
 from .driver import IDN
-from .sweeps import RawSweep, points, set_up, sweep
+from .sweeps import SweepReadout, points, set_up, sweep
 
 Result = TypeVar("Result")
 
@@ -222,7 +222,7 @@ def _ticks(
 
 
 def _record(
-    raw: RawSweep,
+    raw: SweepReadout,
     segments: Sequence[Segment],
     plan: SweepPlan,
     identity: Identity,

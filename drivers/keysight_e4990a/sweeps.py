@@ -21,7 +21,7 @@ PATIENCE, MARGIN_SECONDS = 2.0, 15.0
 
 
 @dataclass(frozen=True, eq=False)
-class RawSweep:
+class SweepReadout:
     """The data of one sweep."""
 
     frequency: Frequencies
@@ -98,13 +98,13 @@ def _segmented(link: Connection, segments: Sequence[Segment]) -> None:
 
 def sweep(
     link: Connection, segments: Sequence[Segment], expected_seconds: float, tick: Callable[[float], None]
-) -> RawSweep:
+) -> SweepReadout:
     """Trigger a sweep, wait for it, and read it. Raises InstrumentError, and whatever `tick` raises to cancel."""
     started, begun = now_utc(), time.monotonic()
     trigger(link, ":CALC1:AVER:CLE;:TRIG:SING", expected_seconds, tick, "the sweep")
     ended, seconds = now_utc(), time.monotonic() - begun
     frequency, impedance = read(link, np.concatenate([points(s) for s in segments]))
-    return RawSweep(frequency, impedance, started, ended, seconds)
+    return SweepReadout(frequency, impedance, started, ended, seconds)
 
 
 def trigger(

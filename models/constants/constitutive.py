@@ -24,7 +24,7 @@ Form: TypeAlias = Literal["strain_E", "stress_E", "strain_D", "stress_D"]
 
 
 @dataclass(frozen=True, eq=False)
-class Law:
+class ConstitutiveLaw:
     """The law in one of its four forms."""
 
     form: Form
@@ -44,20 +44,20 @@ def _inverse(a: Complexes) -> Complexes:
     return _solve(a, np.eye(len(a), dtype=np.complex128))
 
 
-def _strain_E(law: Law) -> Law:
+def _strain_E(law: ConstitutiveLaw) -> ConstitutiveLaw:
     a, p, eps = law.elastic, law.piezo, law.dielectric
     if law.form == "strain_E":
         return law
     if law.form == "strain_D":
         e = eps @ p
-        return Law("strain_E", a - p.T @ e, e, eps)
+        return ConstitutiveLaw("strain_E", a - p.T @ e, e, eps)
     s = a if law.form == "stress_E" else a + p.T @ eps @ p
     d = p if law.form == "stress_E" else eps @ p
     c = _inverse(s)
-    return Law("strain_E", c, d @ c, eps - d @ c @ d.T)
+    return ConstitutiveLaw("strain_E", c, d @ c, eps - d @ c @ d.T)
 
 
-def convert(law: Law, form: Form) -> Law:
+def convert(law: ConstitutiveLaw, form: Form) -> ConstitutiveLaw:
     """Return the same law in another form. Raises numpy.linalg.LinAlgError where a block is singular."""
     if form == law.form:
         return law
@@ -67,17 +67,17 @@ def convert(law: Law, form: Form) -> Law:
         return at
     if form == "strain_D":
         h = _solve(epsS, e)
-        return Law(form, c + e.T @ h, h, epsS)
+        return ConstitutiveLaw(form, c + e.T @ h, h, epsS)
     s = _inverse(c)
     d = e @ s
     epsT = epsS + d @ e.T
     if form == "stress_E":
-        return Law(form, s, d, epsT)
+        return ConstitutiveLaw(form, s, d, epsT)
     g = _solve(epsT, d)
-    return Law(form, s - d.T @ g, g, epsT)
+    return ConstitutiveLaw(form, s - d.T @ g, g, epsT)
 
 
-def loss_matrix(law: Law) -> Reals:
+def loss_matrix(law: ConstitutiveLaw) -> Reals:
     """Return the real symmetric matrix, shape (n + m, n + m), that is positive semidefinite for a passive law.
 
     It is -Im of [[sE, d^T], [d, epsT]]: the power turned into heat is w/2 times its quadratic form in (T, E).

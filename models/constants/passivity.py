@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base.arrays import Complexes, Reals
 from ..base.errors import PzctlError
-from .constitutive import Law, convert, loss_matrix
+from .constitutive import ConstitutiveLaw, convert, loss_matrix
 from .tensor import Tensor6mm
 
 
@@ -21,7 +21,7 @@ class PassivityError(PzctlError):
     """Constants that do not belong to a stable, lossy material."""
 
 
-def passivity_margin(law: Law) -> float:
+def passivity_margin(law: ConstitutiveLaw) -> float:
     """Return the smallest eigenvalue of Holland's loss matrix, each component scaled by its own sE' or epsT'.
 
     It has the size of a loss tangent: positive for a lossy material, negative if energy would be created.

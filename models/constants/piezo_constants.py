@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from .constitutive import Law
+from .constitutive import ConstitutiveLaw
 
 EPS0 = 8.8541878128e-12
 """Permittivity of free space, F/m (CODATA 2018)."""
@@ -100,9 +100,9 @@ class Thickness:
         return -self.eps33S.imag / self.eps33S.real
 
     @property
-    def law(self) -> Law:
+    def law(self) -> ConstitutiveLaw:
         """The law in its form strain_D, one stress and one field."""
-        return Law("strain_D", *(np.array([[constant]]) for constant in (self.c33D, self.h33, self.eps33S)))
+        return ConstitutiveLaw("strain_D", *(np.array([[constant]]) for constant in (self.c33D, self.h33, self.eps33S)))
 
     def speed(self, density: float) -> complex:
         """Return sqrt(c33D/density) in m/s; density in kg/m3."""
@@ -158,10 +158,10 @@ class Radial:
         return cls.from_e_form(c11pD - e31p * h31p, c12pD - e31p * h31p, e31p, eps33p)
 
     @property
-    def law(self) -> Law:
+    def law(self) -> ConstitutiveLaw:
         """The law in its form stress_E, stresses T1 and T2 and one field."""
         s = np.array([[self.s11E, self.s12E], [self.s12E, self.s11E]])
-        return Law("stress_E", s, np.array([[self.d31, self.d31]]), np.array([[self.eps33T]]))
+        return ConstitutiveLaw("stress_E", s, np.array([[self.d31, self.d31]]), np.array([[self.eps33T]]))
 
     @property
     def sigma_p(self) -> complex:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.arrays import Complexes
 from ..base.errors import PzctlError
-from .constitutive import Law, convert
+from .constitutive import ConstitutiveLaw, convert
 from .piezo_constants import Radial, Thickness
 
 _SYMMETRY_TOLERANCE = 1e-9
@@ -53,7 +53,7 @@ class Tensor6mm:
         return (self.c11E - self.c12E) / 2
 
     @property
-    def law(self) -> Law:
+    def law(self) -> ConstitutiveLaw:
         """The full law, form strain_E: cE (6, 6), e (3, 6), epsS (3, 3)."""
         c = np.zeros((6, 6), complex)
         c[0, 0] = c[1, 1] = self.c11E
@@ -65,10 +65,10 @@ class Tensor6mm:
         e = np.zeros((3, 6), complex)
         e[2, :2], e[2, 2] = self.e31, self.e33
         e[0, 4] = e[1, 3] = self.e15
-        return Law("strain_E", c, e, np.diag([self.eps11S, self.eps11S, self.eps33S]).astype(complex))
+        return ConstitutiveLaw("strain_E", c, e, np.diag([self.eps11S, self.eps11S, self.eps33S]).astype(complex))
 
     @classmethod
-    def from_law(cls, law: Law) -> Self:
+    def from_law(cls, law: ConstitutiveLaw) -> Self:
         """Return the constants of a full law in any form. Raises TensorError if it does not have the symmetry 6mm."""
         at = convert(law, "strain_E")
         c, e, eps = at.elastic, at.piezo, at.dielectric

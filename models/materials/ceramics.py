@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..build import Quantity
-from ..constants.constitutive import Law
+from ..constants.constitutive import ConstitutiveLaw
 from ..constants.piezo_constants import EPS0, Radial, Thickness, clamped_permittivity
 from ..constants.tensor import Tensor6mm
 from .composite import Polymer, composite_1_3
@@ -145,7 +145,7 @@ def _compliances(
     charge = np.zeros((3, 6), complex)
     charge[2, :2], charge[2, 2], charge[0, 4], charge[1, 3] = (1e-12 * value for value in (d[0], d[1], d[2], d[2]))
     eps = (EPS0 * np.diag([eps_T[0], eps_T[0], eps_T[1]])).astype(complex)
-    real = Tensor6mm.from_law(Law("stress_E", compliance, charge, eps))
+    real = Tensor6mm.from_law(ConstitutiveLaw("stress_E", compliance, charge, eps))
     c = (real.c11E, real.c12E, real.c13E, real.c33E, real.c44E)
     c11, c12, c13, c33, c44 = (value.real / 1e9 for value in c)
     e = (real.e31.real, real.e33.real, real.e15.real)

@@ -9,8 +9,8 @@ from typing import Any, cast
 from ...models.base.errors import PzctlError
 from ..instrument.instrument import Instrument
 from ..model import Model
+from ..transport.exchange import InFlight
 from ..transport.faults import LASTING, Faults
-from ..transport.session import InFlight
 from .bench_errors import BenchError
 from .hidden_effects import hidden, hide
 from .jig import JIGS, Jig

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 
 from ..language.messages import CommandError
-from .session import ConnectionDropped, Exchange
+from .exchange import ConnectionDropped, Exchange
 
 ADDRESS = 17
 """The factory's GPIB address."""

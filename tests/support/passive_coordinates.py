@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pzctl.models.base.arrays import Complexes, Reals
-from pzctl.models.constants.constitutive import Law
+from pzctl.models.constants.constitutive import ConstitutiveLaw
 from pzctl.models.constants.passivity import PassiveMatrix, passivity_margin
 from pzctl.models.constants.piezo_constants import Radial, Thickness
 from pzctl.models.constants.tensor import Tensor6mm
@@ -16,7 +16,7 @@ _RADIAL = (PassiveMatrix(1), PassiveMatrix(2))  # s11 - s12; [[s11 + s12, sqrt2 
 _TENSOR = (PassiveMatrix(1), PassiveMatrix(2), PassiveMatrix(3))  # s11 - s12; shear 44-15-11; axial
 
 
-def is_passive(law: Law) -> bool:
+def is_passive(law: ConstitutiveLaw) -> bool:
     """Return whether the law creates no energy; a lossless law is passive."""
     return passivity_margin(law) >= -_ROUNDING
 
@@ -79,4 +79,4 @@ def tensor_from_coordinates(x: Reals) -> Tensor6mm:
     s[2, 2], s[3, 3], s[4, 4], s[5, 5] = axial[1, 1], shear[0, 0], shear[0, 0], 2 * minus
     d[2, :2], d[2, 2] = axial[0, 2] / math.sqrt(2), axial[1, 2]
     d[0, 4] = d[1, 3] = shear[0, 1]
-    return Tensor6mm.from_law(Law("stress_E", s, d, np.diag([shear[1, 1], shear[1, 1], axial[2, 2]])))
+    return Tensor6mm.from_law(ConstitutiveLaw("stress_E", s, d, np.diag([shear[1, 1], shear[1, 1], axial[2, 2]])))

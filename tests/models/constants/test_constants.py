@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pzctl.models.constants.constitutive import Law, convert
+from pzctl.models.constants.constitutive import ConstitutiveLaw, convert
 from pzctl.models.constants.piezo_constants import EPS0, Radial, Thickness, clamped_permittivity
 from pzctl.models.constants.tensor import Tensor6mm, TensorError
 from pzctl.models.materials import SHERRIT_RADIAL, find
@@ -143,4 +143,4 @@ def test_a_law_of_another_symmetry_is_refused():
     skew = law.elastic.copy()
     skew[0, 0] *= 1.01
     with pytest.raises(TensorError, match=r"stiffness matrix departs from the symmetry 6mm by 0\.0"):
-        Tensor6mm.from_law(Law("strain_E", skew, law.piezo, law.dielectric))
+        Tensor6mm.from_law(ConstitutiveLaw("strain_E", skew, law.piezo, law.dielectric))
