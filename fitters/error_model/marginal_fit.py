@@ -74,7 +74,7 @@ class Marginal:
         """Return the marginal fit of an objective, without the misfit weights of its recordings."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
         bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
-        return cls(bare, known or Nothing(), {**_stated_shapes(bare), **(shapes or {})}, lines)
+        return cls(bare, known or Nothing(), _shapes_of(bare, shapes or {}), lines)
 
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
         """Return the columns of errors at a point."""
@@ -238,15 +238,22 @@ class MarginalFit:
         return self.marginal.objective.coordinates.forward(self.x)[0]
 
 
-def _stated_shapes(objective: Objective) -> Shapes:
-    """Return the sizes of the effects that the build states, whose coordinates are logarithms of the sizes."""
+def _shapes_of(objective: Objective, searched: Shapes) -> Shapes:
+    """Return the sizes of all effects whose formulas may err: of those `searched` for, and of those the build states.
+
+    The coordinates of the latter are logarithms of the sizes. Beside a law that was chosen to describe the recording no
+    formula may err, since the errors of formulas would absorb what the law describes.
+    """
     devices = [recording.model for recording in objective.recordings if isinstance(recording.model, Device)]
+    added = [one for device in devices for one in device.added]
+    if not all(one.effect.formula_errs for one in added):
+        return {}
     free = objective.coordinates.free
-    return {
+    stated: Shapes = {
         one.prefix: tuple((name, lambda _: 1.0) for name in list(one.parameters())[: one.effect.sizes] if name in free)
-        for device in devices
-        for one in device.added
+        for one in added
     }
+    return {**stated, **searched}
 
 
 def fit(
@@ -257,16 +264,18 @@ def fit(
     fixed: bool = False,
     fast: bool = True,
     tau: bool = True,
+    shape: bool = True,
 ) -> MarginalFit:
     """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
     `fixed`: use the sizes of the first start; `fast`: whether fast instrument errors are allowed; `tau`: whether smooth
-    errors of all constants are.
+    errors of all constants are; `shape`: whether those of the effects' formulas are.
     """
-    if not tau:
-        starts = tuple(own.at("tau", 0.0) for own in starts)
+    never = [name for name, allowed in (("tau", tau), ("shape", shape)) if not allowed]
+    for name in never:
+        starts = tuple(own.at(name, 0.0) for own in starts)
     sizes, steps = starts[0], 0
-    order = [name for name in ORDER if (fast or name != "fast") and (tau or name != "tau")]
+    order = [name for name in ORDER if (fast or name != "fast") and name not in never]
     at = x
     columns = marginal.columns(at, fast=fast)
     for k in range(rounds):

@@ -94,16 +94,18 @@ def fitted(
     rounds: int = 3,
     fast: bool = True,
     tau: bool = True,
+    shape: bool = True,
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
-    `fast`, `tau`: whether fast errors of the instrument and smooth ones of all constants are allowed.
+    `fast`, `tau`, `shape`: whether fast errors of the instrument and smooth ones of all constants and of the effects'
+    formulas are allowed.
     """
     marginal = marginal_of(problem, effects, values)
     x = marginal.objective.coordinates.x
     if not near:
         x = plain(marginal, x)
-    return _weighed(effects, fit(marginal, x, starts, rounds, fast=fast, tau=tau))
+    return _weighed(effects, fit(marginal, x, starts, rounds, fast=fast, tau=tau, shape=shape))
 
 
 def at_minimum(

@@ -26,6 +26,7 @@ class LearnedLaw(Effect):
     """A correction that follows one of the laws of `laws`."""
 
     name = NAME
+    formula_errs = False
     says = "A correction of {where} that no effect of the catalogue lists was learned from the recording."
     separates = "a recording over a wider band, and of another sample: `--other-sample` tests the law on it"
     references = (
