@@ -1,8 +1,6 @@
 """build.toml: one transducer, its layers and gluing steps, read into a `Build`; and a `Build` as plain JSON."""
 
 import math
-import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -15,7 +13,7 @@ from ....models.metadata import MetadataError, check_metadata
 from ....models.specification import SpecificationError
 from ....models.sweep_plan import LevelLimits, PlanError, Segment, SweepPlan
 from .build_check import check_build
-from .build_table import BuildError, Table, keys_for
+from .build_table import BuildError, Table, TomlError, keys_for, parse_toml
 from .effects_table import with_effects
 from .file_keys import (
     BOLT_ENTRIES,
@@ -48,7 +46,6 @@ __all__ = ["BuildError", "build_from_json", "build_to_json", "parse_build", "rea
 THESIS_BUILD = Path(__file__).with_name("thesis.toml")
 """The transducer of the 2012 thesis, which is also the one on the simulated bench."""
 
-_DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:#|$)", re.MULTILINE)
 _LARGEST = 1_000_000
 """Bytes. A build file has a few kilobytes; anything larger is another file given by mistake."""
 
@@ -81,11 +78,9 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
     if not text.strip():
         raise BuildError(f"{source}: the file is empty; name, diameter_mm, [[layers]], [load], [[steps]] are needed")
     try:
-        data = tomllib.loads(text.replace("\r\n", "\n"))
-    except tomllib.TOMLDecodeError as error:
-        comma = _DECIMAL_COMMA.search(text)
-        hint = f"; write numbers with a point, not as {comma[1]!r}" if comma else ""
-        raise BuildError(f"{source}: this is not TOML: {error}{hint}") from None
+        data = parse_toml(text.replace("\r\n", "\n"))
+    except TomlError as error:
+        raise BuildError(f"{source}: this is not TOML: {error}") from None
     except (RecursionError, ValueError):  # deeply nested brackets; a whole number with thousands of digits
         raise BuildError(
             f"{source}: this is not a build.toml: it is nested too deeply or has a number too long"

@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -11,6 +12,8 @@ from typing import Any, cast
 from ....models.base.errors import PzctlError
 from ....models.build import Quantity
 from .file_keys import BELOW, LOSS_SIGN, POSITIVE, REAL, TIED, Entry, Key
+
+_DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:[#,}]|$)", re.MULTILINE)
 
 
 class BuildError(PzctlError):
@@ -229,13 +232,27 @@ class Table:
         return out
 
 
+class TomlError(ValueError):
+    """A text is no TOML."""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML file. Raises TomlError, with a hint if a number has a decimal comma."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        comma = _DECIMAL_COMMA.search(text)
+        hint = f"; write numbers with a point, not as {comma[1]!r}" if comma else ""
+        raise TomlError(f"{error}{hint}") from None
+
+
 def read_table(path: Path) -> Table:
     """Return the whole of a TOML file as a table. Raises BuildError."""
     try:
-        return Table(tomllib.loads(path.read_text(encoding="utf-8-sig")), str(path))
+        return Table(parse_toml(path.read_text(encoding="utf-8-sig")), str(path))
     except OSError as error:
         raise BuildError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+    except (UnicodeDecodeError, RecursionError, ValueError) as error:
         raise BuildError(f"{path}: this is not TOML: {error}") from None
 
 

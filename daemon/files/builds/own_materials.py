@@ -10,7 +10,6 @@ q = { value = 30, u = 10 }
 """
 
 import math
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import cast, get_args
@@ -18,7 +17,7 @@ from typing import cast, get_args
 from ....models.build import Quantity
 from ....models.materials import MATERIALS, Kind, Material, find
 from ..paths import home
-from .build_table import BuildError, Table
+from .build_table import BuildError, Table, TomlError, parse_toml
 from .file_keys import MATERIAL_ENTRIES, material_keys
 
 _FILE = "materials.toml"
@@ -33,8 +32,8 @@ def own_materials() -> tuple[Material, ...]:
 def read_materials(path: Path) -> tuple[Material, ...]:
     """Read materials from a TOML file. Raises BuildError with file, key, what was found and what is allowed."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        data = parse_toml(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, TomlError) as error:
         raise BuildError(f"{path}: cannot be read as TOML: {error}") from None
     top = Table(data, str(path))
     top.only(("materials",))

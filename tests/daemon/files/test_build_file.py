@@ -112,6 +112,8 @@ def test_all_open_cases_are_read(cases: Path) -> None:
         ('name = "S4"', "name = 4", "name is 4; a text in quotes is needed"),
         ('name = "S4"', "name = S4", "not TOML: Invalid value (at line 1, column 8)"),
         ("{ value = 16.0, u = 0.1 }", "16,5", "write numbers with a point, not as '16,5'"),
+        ("{ value = 16.0, u = 0.1 }", "{ value = 16.0, u = 0,1 }", "write numbers with a point, not as '0,1'"),
+        ("{ value = 16.0, u = 0.1 }", "{ value = 16,0, u = 0,1 }", "write numbers with a point, not as '16,0'"),
         ("diameter_mm = { value = 16.0, u = 0.1 }", "", "the file has no size; write diameter_mm = ... or area_mm2"),
         ("diameter_mm = {", "area_mm2 = 2\ndiameter_mm = {", "area_mm2 is given beside diameter_mm"),
         (

@@ -64,6 +64,7 @@ def test_a_build_and_the_command_line_use_own_materials(mine: Path) -> None:
         ("[[materials]]\nname = 'x'\nkind = 'elastic'", "give at least one of"),
         ("[[materials]]\nname = 'x'\nkind = 'elastic'\nspeed = 3", "speed"),
         ("[[materials]\n", "cannot be read as TOML"),
+        ("[[materials]]\nc_m_s = { value = 2500,5, u = 1 }\n", "write numbers with a point, not as '2500,5'"),
         ("[[materials]]\nname='x'\nkind='elastic'\nq=1\n[[materials]]\nname='X'\nkind='elastic'\nq=1", "two materials"),
     ],
 )
