@@ -16,6 +16,7 @@ from ...fitters.diagnosis.diagnose import fitter_to_diagnose
 from ...fitters.diagnosis.findings import Diagnosis, Finding
 from ...fitters.engine.on_cores import available_cores
 from ...fitters.engine.parameters.assembly import stack_of
+from ...fitters.engine.parameters.overrides import Amendments, amended
 from ...fitters.interface import Constant, FitResult, FitTask, Options, TaskError
 from ...fitters.plugins import DEFAULT, load_fitter, run
 from ...models.build import Build
@@ -174,16 +175,32 @@ def fit(
     *,
     fitter: str = DEFAULT,
     free: Iterable[str] | None = None,
+    hold: Iterable[str] = (),
+    tie: Mapping[str, str] | None = None,
+    prior: Mapping[str, tuple[float, float]] | None = None,
+    bound: Mapping[str, tuple[float, float]] | None = None,
+    objective: Literal["log", "thesis", "kt2"] = "log",
     uncertainty: Literal["covariance", "profile", "bootstrap"] = "covariance",
+    procedure: Literal["joint", "sequential", "frozen"] = "joint",
 ) -> FitAnalysis:
     """Fit the complex constants of a build, or of its file, to the recordings of its steps.
 
-    `free`: names of the constants to fit; None for all that have an uncertainty. Raises FitError, RecordingError,
-    PluginError or BuildError with one sentence.
+    `free`: names of the constants to fit; None for all that have an uncertainty. `hold`: names of constants to hold.
+    `tie`: the constant that another equals, `{"glue2.z": "glue1.z"}`. `prior`: value and standard uncertainty, `bound`:
+    lowest and highest value, SI. `objective`, `uncertainty`, `procedure`: see `Options`. Raises FitError, TaskError,
+    RecordingError, PluginError or BuildError with one sentence.
     """
-    known = None if build is None else _build(build)
+    changes = Amendments(
+        tuple(hold),
+        tuple((tie or {}).items()),
+        tuple((name, *numbers) for name, numbers in (prior or {}).items()),
+        tuple((name, *numbers) for name, numbers in (bound or {}).items()),
+    )
+    if build is None and changes != Amendments():
+        raise TaskError("hold, tie, prior and bound name constants of a build; give a build as well")
+    known = None if build is None else amended(_build(build), changes)
     names = None if free is None else tuple(free)
-    task = FitTask(known, _sweeps(recordings), names, Options(uncertainty=uncertainty))
+    task = FitTask(known, _sweeps(recordings), names, Options(objective, uncertainty, procedure))
     return FitAnalysis(run(load_fitter(fitter), task), known)
 
 

@@ -48,6 +48,20 @@ def test_a_fit_shows_its_table_and_its_curves(guide: dict[str, Any]) -> None:
         found["disk.c99"]
 
 
+def test_a_fit_takes_the_options_of_the_command(guide: dict[str, Any]) -> None:
+    build, disk = guide["folder"] / "build.toml", {"disk": guide["folder"] / "disk.csv"}
+    held = pzctl.fit(build, disk, hold=["disk.thickness", "disk.density"])
+    assert not held["disk.thickness"].free
+    assert held["disk.c33D"].u_re < 0.1 * guide["found"]["disk.c33D"].u_re, "its uncertainty was that of the two"
+    narrow = pzctl.fit(build, disk, prior={"disk.thickness": (5.125e-4, 1e-9)}, bound={"disk.density": (7690, 7710)})
+    assert narrow["disk.thickness"].re == pytest.approx(5.125e-4, rel=1e-5)
+    assert 7690 <= narrow["disk.density"].re <= 7710
+    with pytest.raises(TaskError, match="hold, tie, prior and bound name constants of a build"):
+        pzctl.fit(None, disk, fitter="bvd", hold=["area"])
+    with pytest.raises(TaskError, match=r"glue9\.z"):
+        pzctl.fit(build, disk, tie={"glue9.z": "glue1.z"})
+
+
 def test_a_diagnosis_names_the_lead_with_its_size(guide: dict[str, Any]) -> None:
     (finding,) = guide["diagnosis"].findings
     assert finding.effect == "lead-inductance"
