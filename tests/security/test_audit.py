@@ -35,7 +35,7 @@ def test_whatever_somebody_asked_for_names_their_key_and_the_user(
 ) -> None:
     make_server(keys_folder(tmp_path))
     ana = make_client(keys_folder(tmp_path), "ana", "bench")
-    where = start_daemon(max_bias_V=5.0, time_scale=1.0)
+    where = start_daemon(max_bias_V=5.0, time_scale=10.0)  # it still measures when it is cancelled
     request = {"request": "measure", "id": "1", "build": json.loads(to_json(build)), "step": "disk", "by": "eva"}
     asked(where, ana, {"request": "bench", "id": "3", "command": {"command": "step", "name": "disk"}})
     first = asked(where, ana, request)["measurement"]
