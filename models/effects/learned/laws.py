@@ -131,7 +131,7 @@ def _with_sign(sign: float, power: _Function, ending: str) -> tuple[Law, ...]:
         Law(
             f"resonance{ending}",
             (_size(), _at(), _Q),
-            from_reference(_resonant, 1.0 if not ending else -1.0),
+            from_reference(_resonant, sign),
             "resonates at {at} with strength {size} and Q {q}",
         ),
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl.models.base.errors import PzctlError
@@ -50,7 +50,9 @@ def _values(law: Law, shares: list[float]) -> dict[str, float]:
     }
 
 
-@given(st.sampled_from(EVERY_LAW), st.lists(st.floats(0, 1), min_size=4, max_size=4))
+@pytest.mark.parametrize("case", EVERY_LAW, ids=lambda case: f"{case[0]}-{case[1].name}")
+@settings(max_examples=10)
+@given(shares=st.lists(st.floats(0, 1), min_size=4, max_size=4))
 def test_every_law_is_passive_for_sizes_above_zero(case: tuple[str, Law], shares: list[float]) -> None:
     quantity, law = case
     x = np.geomspace(0.05, 20.0, 60)
