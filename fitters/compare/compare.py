@@ -13,6 +13,7 @@ from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..diagnosis.findings import Alternative, Bands, Remaining, Size
 from .another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
+from .change import TERMINALS
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy, Verdict
 from .device_changes import Scaled, device_changes
 from .drift import STRENGTH
@@ -21,7 +22,7 @@ from .hypothesis import Change, Fitted, Hypothesis
 from .limits import limits, repeatability
 from .pair import Pair, pair_of, righted
 from .pair_errors import INSTRUMENT, PairErrors
-from .pair_sizes import USUAL_REST, Sizes
+from .pair_sizes import USUAL, USUAL_REST, Sizes
 from .resonances import Resonances, fitted_poles, resonances_of
 from .search import Searched, nothing_in_common, search
 from .shifts import resonance_shifts
@@ -37,8 +38,9 @@ _EXPLAINED = 0.1
 _DRIFT, _WARM, _FEW = 3e-4, 1e-3, 0.01
 """Drift that two recordings of one device usually have; that of all frequencies by one factor, as by ten kelvin;
 fraction of points that may differ by more than usual."""
-_FORMULA = 0.01
-"""Relative to the largest change: a further change below this counts as an error of its formula."""
+_INSIDE, _FORMULA = 0.01, USUAL.shape
+"""Relative to the largest change: a further change below this counts as an error of its formula. In the device; and at
+the terminals, where both are smooth over frequency, as such errors are."""
 _SURE = 0.9
 """Smallest probability at which a change is reported."""
 _REMARKED = 0.1
@@ -158,8 +160,9 @@ def _substantial(searched: Searched, best: Fitted, errors: PairErrors) -> Fitted
     ratios = [np.abs(np.log(best.at.predicted / _predicted_without(best, k))) for k in range(len(changes))]
     moves = [float(np.sqrt(np.mean(ratio**2))) for ratio in ratios]
     models = [one.found.described.rms_log_error for one in changes if isinstance(one, ModelChange)]
-    least = max(_FORMULA, *models, 0) * max(moves)
-    large = [k for k, size in enumerate(moves) if size > least and not _usual(errors, best, k)]
+    parts = [_FORMULA if one.where == TERMINALS else max(_INSIDE, *models, 0) for one in changes]
+    least = [part * max(moves) for part in parts]
+    large = [k for k, size in enumerate(moves) if size > least[k] and not _usual(errors, best, k)]
     kept = tuple(changes[k] for k in large or [int(np.argmax(moves))])
     return best if len(kept) == len(changes) else _without(errors, searched, kept)
 

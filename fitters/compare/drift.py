@@ -21,7 +21,9 @@ _LENGTH, _LOSSES = 0.1, 0.3
 _DAMPING = 100.0
 """Smallest drift of ln Q relative to that of ln f: one per cent beside 1e-4."""
 STRENGTH = 5.0
-"""Drift of ln strength relative to that of ln f: permittivity depends on temperature much more than stiffness does."""
+"""Common drift of ln strength relative to that of ln f: permittivity depends on temperature more than stiffness."""
+_TOGETHER = np.array([1.0, 1.0, STRENGTH])
+"""Common drift of ln frequency, ln Q and ln strength, relative to that of each resonance by itself."""
 _FURTHEST = 2e-3
 """Largest drift about which errors are linearised; a larger shift is not drift."""
 _SETTLED, _STRIDE = 0.02, 0.7
@@ -78,7 +80,7 @@ class Drift:
     def _unit(self) -> Reals:
         """Drift of each resonance in ln frequency, ln Q and ln strength for a unit drift of the frequency, (3P,)."""
         one = np.ones(self.own.q.size)
-        return np.concatenate([one, np.hypot(2 * _LOSSES * self.own.q, _DAMPING), STRENGTH * one])
+        return np.concatenate([one, np.hypot(2 * _LOSSES * self.own.q, _DAMPING), one])
 
     def _of_each(self) -> Complexes:
         """Return d ln Z of the device / d ln frequency, ln Q and ln strength of each resonance, shape (N, 3P)."""
@@ -112,7 +114,7 @@ class Drift:
         s = self._through(through)
         each = (s * self._each if each is None else each) * self._unit
         together, remainder = self._rest
-        common = np.sum(each.reshape(each.shape[0], 3, -1), axis=2)
+        common = np.sum(each.reshape(each.shape[0], 3, -1), axis=2) * _TOGETHER
         common[:, 0] += (s * together)[:, 0]
         return {
             "drift": np.asarray(common, np.complex128),
@@ -127,7 +129,9 @@ class Drift:
     def moved_by(self, coefficients: Reals) -> Reals:
         """Return the drift of each resonance by coefficients of all columns, as in a `DriftPoint`, shape (3P,)."""
         count = self.own.poles.size
-        return (coefficients[coefficients.size - 3 * count :] + np.repeat(coefficients[:3], count)) * self._unit
+        return (
+            coefficients[coefficients.size - 3 * count :] + np.repeat(_TOGETHER * coefficients[:3], count)
+        ) * self._unit
 
     def towards(self, moved: Reals) -> DriftPoint:
         """Return the point to linearise at next."""

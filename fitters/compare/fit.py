@@ -112,7 +112,9 @@ def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | 
     """
     start = _approached(hypothesis, errors, x, sizes)
     best = _relinearised(start)
-    best = _moved(max(best, _annealed(start), key=lambda place: place.outcome.log_evidence), tuple(RESTS))
+    if best.outcome.sizes.rest > 0:
+        best = max(best, _annealed(start), key=lambda place: place.outcome.log_evidence)
+    best = _moved(best, tuple(RESTS))
     return Fitted(best.hypothesis, best.x, best.at, best.outcome, best.errors)
 
 

@@ -14,7 +14,7 @@ from .another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
 from .fit import fitted, plain_fit, plain_misfit, screened
 from .hypothesis import Change, Fitted, Hypothesis
 from .pair_errors import PairErrors
-from .pair_sizes import Sizes
+from .pair_sizes import USUAL, Sizes
 from .with_build.model_change import ModelChange
 
 _TRIED = 2
@@ -25,6 +25,8 @@ _PARENTS, _SCREENED, _GROWN = 2, 8, 4
 """Number of best hypotheses that are extended; of each one's extensions, numbers screened and fitted. Budgets."""
 _MOST = 3
 """Most changes in a hypothesis. A budget."""
+_QUIET = 1.25
+"""Noise relative to its estimate up to which an explanation may be complete."""
 _NOISE_ALONE = 1.2
 """chi2 per number up to which the residual is only noise."""
 _NOTHING_ELSE = 0.99
@@ -123,9 +125,8 @@ def _ranked(fits: Iterable[Fitted]) -> list[Fitted]:
 def _whole(best: Fitted) -> bool:
     """Return whether an explanation leaves only noise and small errors; the search then ends."""
     sizes, numbers = best.outcome.sizes, 2 * best.errors.pair.frequency.size
-    small = (
-        sizes.rest == 0 and sizes.noise <= 1 and sizes.instrument <= 1 and sizes.drift <= 1e-4 and sizes.wander <= 1e-4
-    )
+    small = sizes.rest == 0 and sizes.noise <= _QUIET and sizes.instrument <= 1 and sizes.shape <= USUAL.shape
+    small = small and max(sizes.drift, sizes.wander) <= USUAL.wander
     return small and best.outcome.cost < _NOISE_ALONE * numbers
 
 

@@ -89,7 +89,13 @@ def _shunt(admittance: Complexes) -> Matrix:
 
 
 def _lead(f: Frequencies, v: Values) -> Matrix:
-    return _series(j_omega(f) * v["inductance"] + v["resistance"] + v["skin"] * skin(f))
+    return _series(j_omega(f) * v["inductance"] + v["resistance"] + v["skin"] * _rough(f))
+
+
+def _rough(f: Frequencies) -> Complexes:
+    """Return the skin effect without its internal inductance in the middle of the band, which counts as inductance."""
+    middle = float(np.sqrt(f[0] * f[-1]))
+    return skin(f) - 1j * f / middle * skin(np.array([middle])).imag
 
 
 def _resistance(f: Frequencies, v: Values) -> Matrix:
@@ -103,8 +109,7 @@ def coil(f: Frequencies, v: Values) -> Complexes:
     middle of the band, with the internal one of the wire.
     """
     jw, middle = j_omega(f), float(np.sqrt(f[0] * f[-1]))
-    rough = skin(f) - 1j * f / middle * skin(np.array([middle])).imag
-    wire = jw * v["inductance"] * (1j * f / middle) ** -v["core"] + v["resistance"] + v["skin"] * rough
+    wire = jw * v["inductance"] * (1j * f / middle) ** -v["core"] + v["resistance"] + v["skin"] * _rough(f)
     return wire / (1 + (jw * v["own capacitance"] + v["own conductance"]) * wire)
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from compare_bench import Mode, admittance, as_written, branch
-from compare_world import RECORDINGS, MadePair, seen_through, series, shunt
+from compare_world import LEVEL, RECORDINGS, MadePair, seen_through, series, shunt
 from scipy.special import ive
 
 from pzctl.drivers.recordings import read_recording
@@ -28,8 +28,8 @@ def round_wire(f: np.ndarray, meters: float, radius: float) -> np.ndarray:
 
 def wire(rng: np.random.Generator, f: np.ndarray, henry: float) -> np.ndarray:
     """Return the impedance of a wire with this external inductance, the resistance of its length and its contacts."""
-    z = 2j * np.pi * f * henry + round_wire(f, henry / 1e-6, 10 ** rng.uniform(-3.8, -3.2)) + 10 ** rng.uniform(-3, -1)
-    return z
+    inside = round_wire(f, henry / 1e-6, 10 ** rng.uniform(-3.8, -3.2))
+    return 2j * np.pi * f * henry + inside + 10 ** rng.uniform(-3, -1)
 
 
 def coax(rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, speed: float) -> list[np.ndarray]:
@@ -179,9 +179,9 @@ def _pair(rng: np.random.Generator, kind: str) -> MadePair:
         L = 10 ** rng.uniform(np.log10(2e-8), np.log10(3e-7))
         z = wire(rng, g, L)
         elements, L = [series(z)], inductance(g, z)
-        moved = float(np.median(2 * np.pi * g * L * np.abs(now)))
-        effect = "" if moved < 3e-4 else "lead-inductance"
-        truth = {"effect": effect or "perhaps", "also": ("lead-inductance", "cable"), "sizes": (("inductance", L),)}
+        moved = np.sqrt(np.mean(np.abs(np.log(1 + z * now)) ** 2))
+        effect = "perhaps" if moved < LEVEL else "lead-inductance"
+        truth = {"effect": effect, "also": ("lead-inductance", "series-coil"), "sizes": (("inductance", L),)}
     elif kind == "stack":
         other = resonator(rng, middle * rng.uniform(0.85, 1.15), clamped * rng.uniform(0.5, 2))(g, False)
         elements = [series(1 / other)]
@@ -242,4 +242,4 @@ def _levels(rng: np.random.Generator) -> MadePair:
     largest = high / low * float(np.max(branch(f, modes[0], clamped, (low, soft, lossy))[1]))
     before, after = as_written(f, 1 / first, rng, low), as_written(f, 1 / second, rng, high)
     made = MadePair("", before, after, "drive-nonlinearity", (), (("softening", soft * largest / 2),))
-    return replace(made, effect="drive-nonlinearity" if bend < 0.8 else "something else", also=("drive-nonlinearity",))
+    return made if bend < 0.8 else replace(made, effect="beyond the law", also=("drive-nonlinearity",))

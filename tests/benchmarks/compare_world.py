@@ -28,7 +28,8 @@ class MadePair:
     before: Sweep
     after: Sweep
     effect: str
-    """Empty where nothing was changed."""
+    """Empty where nothing was changed; `perhaps` where that may be said as well, `something else` where no name is
+    right, and `beyond the law` where the right name or none is."""
     also: tuple[str, ...] = ()
     """Other names for the same thing at this size."""
     sizes: tuple[tuple[str, float], ...] = ()

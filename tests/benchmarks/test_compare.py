@@ -1,8 +1,8 @@
 """How often `pzctl compare` is right: 200 pairs. Run by hand: `pytest tests/benchmarks/test_compare.py -s`.
 
 It can also run in resumable parts, one line of a file per pair: `python tests/benchmarks/test_compare.py
-results.jsonl`; a further run with the same file continues and prints the table of the pairs so far. Developed on seeds
-1 to 3; the reported figures are those of `SEED`, of all pairs.
+results.jsonl SEED`; a further run with the same file continues and prints the table of the pairs so far. Developed on
+seeds 1 to 3, 11, 101 and 102; the reported figures are those of seeds 2031 and 2032, of all pairs.
 """
 
 import json
@@ -13,12 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compare_bench import from_others
+from compare_components import with_components
 from compare_world import RECORDINGS, MadePair, at_terminals, in_device
 
 from pzctl.fitters.compare.compare import compare
 from pzctl.fitters.compare.comparison import Comparison
 
-SEED = 2028
+SEED = 2032
 
 
 def wilson(hits: int, of: int, z: float = 1.96) -> tuple[float, float]:
@@ -34,13 +35,17 @@ def judged(pair: MadePair, found: Comparison) -> "Judgement":
     """Return whether a pair was named correctly, and its size is within 5 % and within 3 u (None: no such size)."""
     if not pair.effect:
         return found.verdict == "unchanged", None, None
+    if pair.effect == "perhaps" and found.verdict == "unchanged":
+        return True, None, None
+    if pair.effect == "beyond the law":
+        return found.verdict != "unchanged" and all(one.effect in pair.also for one in found.findings), None, None
     if pair.effect == "something else":
         honest = all(one.probability < 0.9 or one.effect in pair.also for one in found.findings)
         return found.verdict in ("unexplained", "partly-explained") and honest, None, None
     names = {pair.effect, *pair.also}
     for one in found.findings:
         called = {one.effect, *(other.effect for other in one.same_as)}
-        if pair.effect in called or (one.effect in names and pair.effect in called):
+        if pair.effect in called or one.effect in names:
             sizes = [(one.parameters[name], true) for name, true in pair.sizes if name in one.parameters]
             if not sizes:
                 return True, None, None
@@ -84,22 +89,23 @@ def run(pairs: Iterable[MadePair]) -> dict[str, list[Judgement]]:
     return results
 
 
-def every_pair() -> Iterator[tuple[str, MadePair]]:
-    """Yield the 200 pairs with the names of their worlds, in turns."""
+def every_pair(seed: int) -> Iterator[tuple[str, MadePair]]:
+    """Yield the pairs of all worlds with the names of these, in turns."""
     worlds = {
-        "recordings": list(at_terminals(SEED, 2)),
-        "resonators": list(in_device(SEED, 30)),
-        "others": list(from_others(SEED)),
+        "recordings": list(at_terminals(seed, 1)),
+        "resonators": list(in_device(seed, 12)),
+        "others": list(from_others(seed, 1)),
+        "components": list(with_components(seed, 2)),
     }
     placed = [(k / len(own), world, pair) for world, own in worlds.items() for k, pair in enumerate(own)]
     yield from ((world, pair) for _, world, pair in sorted(placed, key=lambda one: one[:2]))
 
 
-def in_the_background(results: Path) -> None:
+def in_the_background(results: Path, seed: int) -> None:
     """Compare the pairs without a line in the file, and print the table of each world."""
     lines = results.read_text().splitlines() if results.exists() else []
     with results.open("a") as file:
-        for world, pair in list(every_pair())[len(lines) :]:
+        for world, pair in list(every_pair(seed))[len(lines) :]:
             judgement, seconds = compared(pair)
             told = [None if part is None else bool(part) for part in judgement]
             lines.append(json.dumps([world, pair.effect or "unchanged", told, seconds]))
@@ -143,6 +149,12 @@ def test_changes_in_a_device_are_named_with_their_size() -> None:
     assert right >= 0.95 * of
 
 
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"the recordings of coils are not at {RECORDINGS}")
+def test_pairs_with_real_components() -> None:
+    right, of = table(run(with_components(SEED, 2)))
+    assert right >= 0.9 * of
+
+
 def test_pairs_of_another_laboratory() -> None:
     results = run(from_others(SEED))
     right, of = table(results)
@@ -151,4 +163,4 @@ def test_pairs_of_another_laboratory() -> None:
 
 
 if __name__ == "__main__":
-    in_the_background(Path(sys.argv[1]))
+    in_the_background(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else SEED)
