@@ -19,7 +19,7 @@ from .with_build.model_change import ModelChange
 
 _TRIED = 2
 """Number of starts that are followed."""
-_FITTED, _NEAR = 6, 15.0
+_FITTED, _NEAR = 4, 15.0
 """Number of hypotheses fitted with the error model, and the range in nats below the best for more. A budget."""
 _PARENTS, _SCREENED, _GROWN = 2, 8, 4
 """Number of best hypotheses that are extended; of each one's extensions, numbers screened and fitted. Budgets."""
@@ -154,9 +154,17 @@ def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> lis
 def _promising(
     starts: Sequence[tuple[Hypothesis, Reals]], errors: PairErrors, sizes: Sizes
 ) -> list[tuple[Hypothesis, Reals]]:
-    """Return the hypotheses worth a fit with the error model, best first, with their starts."""
-    ranked = sorted(((*screened(one, errors, x, sizes), one) for one, x in starts), key=lambda trial: -trial[0])
-    return [(one, x) for k, (value, x, one) in enumerate(ranked) if k < _FITTED or value > ranked[0][0] - _NEAR]
+    """Return the hypotheses worth a fit with the error model, best first, with their starts.
+
+    Those that only remove something are ranked by themselves, since their drift is that of the other recording.
+    """
+    chosen: list[tuple[float, Hypothesis, Reals]] = []
+    for removes in (False, True):
+        own = [(one, x) for one, x in starts if one.removes == removes]
+        ranked = sorted(((*screened(one, errors, x, sizes), one) for one, x in own), key=lambda trial: -trial[0])
+        near = [trial for k, trial in enumerate(ranked) if k < _FITTED or trial[0] > ranked[0][0] - _NEAR]
+        chosen += [(value, one, x) for value, x, one in near]
+    return [(one, x) for _, one, x in sorted(chosen, key=lambda trial: -trial[0])]
 
 
 def _places(own: tuple[Change, ...], change: Change) -> tuple[int, ...]:

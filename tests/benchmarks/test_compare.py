@@ -90,9 +90,9 @@ def run(pairs: Iterable[MadePair]) -> dict[str, list[Judgement]]:
 
 
 def every_pair(seed: int) -> Iterator[tuple[str, MadePair]]:
-    """Yield the pairs of all worlds with the names of these, in turns."""
+    """Yield the pairs of all worlds with the names of these, in turns: of every second recording, two."""
     worlds = {
-        "recordings": list(at_terminals(seed, 1)),
+        "recordings": [pair for k, pair in enumerate(at_terminals(seed, 1)) if k // 2 % 2 == 0],
         "resonators": list(in_device(seed, 12)),
         "others": list(from_others(seed, 1)),
         "components": list(with_components(seed, 2)),
