@@ -74,18 +74,20 @@ def plain_fit(hypothesis: Hypothesis, errors: PairErrors, x: Reals, steps: int =
 
 def screened(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes) -> tuple[float, Reals]:
     """Return an approximate ln posterior of a hypothesis near `x`, with errors of these sizes, and its place."""
-    best = -np.inf
+    best, place = -np.inf, x
     errors = errors.from_after() if hypothesis.removes else errors
     for uncertain in _SCREENED:
         errors = errors.unsettled(uncertain)
         at = hypothesis.linearised(errors, x)
         outcome = errors.outcome(at, _FEW_RESTS, sizes, rounds=1)
         errors = errors.drifted(outcome)
-        best = max(best, outcome.log_evidence + hypothesis.log_prior)
+        value = outcome.log_evidence + hypothesis.log_prior
+        if value > best:
+            best, place = value, x
         move = outcome.x - x
         if x.size:
             x = np.clip(x + move / max(1.0, float(np.max(np.abs(move))) / _FURTHEST), -BOUND, BOUND)
-    return best, x
+    return best, place
 
 
 @dataclass(frozen=True, eq=False)
