@@ -99,7 +99,8 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
     findings = (*_turned(pair), *findings)
     if verdict == "unchanged" and findings:
         verdict = "explained"
-    before, after = _chi2(errors, nothing), _chi2(errors, named)
+    sizes = _errors_beside(named)
+    before, after = _chi2(errors, nothing, sizes), _chi2(errors, named, sizes)
     left = float(np.sqrt(np.mean(np.abs(named.outcome.left) ** 2)))
     change = float(np.sqrt(np.mean(np.abs(pair.change) ** 2)))
     return Comparison(
@@ -113,8 +114,8 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
         Remaining(left, INSTRUMENT * named.outcome.sizes.instrument),
         before,
         after,
-        held_out_chi2(errors, nothing, held),
-        held_out_chi2(errors, named, held),
+        held_out_chi2(nothing, held, sizes),
+        held_out_chi2(named, held, sizes),
         tuple((float(pair.frequency[a]), float(pair.frequency[b - 1])) for a, b in held),
         _says(replace(told, verdict=verdict), (findings, remarks), change, left),
         ComparedCurve(pair.frequency, pair.before, pair.after, named.errors.as_recorded(named.at.predicted)),
@@ -244,6 +245,7 @@ def _findings(
     chances = searched.probabilities()
     alike, held = known
     made: list[ChangeFinding] = []
+    sizes = _errors_beside(named)
     for k, change in enumerate(named.hypothesis.changes):
         others = tuple(c for j, c in enumerate(named.hypothesis.changes) if j != k)
         without = _without(errors, searched, others)
@@ -257,13 +259,13 @@ def _findings(
                 probability=_probability(searched, chances, change, alike),
                 bands_Hz=_bands(errors.pair, ratio),
                 parameters=_sizes(named, k),
-                chi2_per_dof_before=_chi2(errors, without),
-                chi2_per_dof_after=_chi2(errors, named),
-                held_out_before=held_out_chi2(errors, without, held),
-                held_out_after=held_out_chi2(errors, named, held),
+                chi2_per_dof_before=_chi2(errors, without, sizes),
+                chi2_per_dof_after=_chi2(errors, named, sizes),
+                held_out_before=held_out_chi2(without, held, sizes),
+                held_out_after=held_out_chi2(named, held, sizes),
                 alternatives=rivals,
                 says=change.says + _twins(searched, change, others, alike),
-                share=1 - _chi2(errors, named) / _chi2(errors, without),
+                share=1 - _chi2(errors, named, sizes) / _chi2(errors, without, sizes),
                 same_as=_rivals(searched, chances, change, others, alike),
                 moves=float(np.sqrt(np.mean(np.abs(ratio) ** 2))),
                 removed=isinstance(change, TwoPort | ModelChange) and change.taken,
@@ -344,10 +346,14 @@ def _turned(pair: Pair) -> tuple[ChangeFinding, ...]:
     return (ChangeFinding("polarity", "terminals", "", 1.0, whole, {}, nan, nan, nan, nan, (), says, nan),)
 
 
-def _chi2(errors: PairErrors, fit: Fitted) -> float:
-    """Return the misfit in units of noise and usual errors, for each number."""
-    sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
+def _chi2(errors: PairErrors, fit: Fitted, sizes: Sizes) -> float:
+    """Return the misfit in units of noise and errors of these sizes, for each number."""
     return fit.errors.quadratic(fit.at, sizes) / (2 * errors.pair.frequency.size)
+
+
+def _errors_beside(named: Fitted) -> Sizes:
+    """Return the sizes of the errors beside an explanation, with which all others are compared to it."""
+    return replace(named.outcome.sizes, rest=min(named.outcome.sizes.rest, USUAL_REST))
 
 
 def _held_out(count: int) -> tuple[tuple[int, int], ...]:
@@ -355,9 +361,8 @@ def _held_out(count: int) -> tuple[tuple[int, int], ...]:
     return tuple((int(edges[k]), int(edges[k + 1])) for k in _HELD)
 
 
-def held_out_chi2(errors: PairErrors, fit: Fitted, held: Sequence[tuple[int, int]]) -> float:
+def held_out_chi2(fit: Fitted, held: Sequence[tuple[int, int]], sizes: Sizes) -> float:
     """Return the increase of the minimal chi2 by the held-out points, for each number (Chow's test)."""
-    sizes: Sizes = replace(fit.outcome.sizes, rest=min(fit.outcome.sizes.rest, USUAL_REST))
     rest = fit.errors.without(held).quadratic(fit.at, sizes)
     count = 2 * sum(b - a for a, b in held)
     return (fit.errors.quadratic(fit.at, sizes) - rest) / count
