@@ -211,7 +211,8 @@ def _lateral(build: Build, curves: Sequence[Curve]) -> tuple[str, ...]:
         return ()
     return (
         f"Diameter/thickness is {aspect:.1f}: radial overtones and the edge mode overlap the thickness resonance of "
-        "such a disk, and a 1-D model mistakes them for loss. `--fitter disk2d` models them, for the bare disk.",
+        "such a disk, and a 1-D model mistakes them for loss. `--fitter disk2d` models them, for the bare disk, "
+        "`--fitter stack2d` for all steps.",
     )
 
 

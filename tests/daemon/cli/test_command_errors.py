@@ -99,7 +99,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (
             ["measure", "--fitter", "masson"],
             "no fitter 'masson' is installed; there are bvd, disk, disk2d, mason, mason-nelder-mead, nlopt-global, "
-            "radial, sherrit-radial, sherrit-thickness; did you mean 'mason'?",
+            "radial, sherrit-radial, sherrit-thickness, stack2d; did you mean 'mason'?",
         ),
         (["prove", "--out", "proof"], "proof: this folder holds a proof already; give --out another folder"),
         (["page", "--build", "no.toml"], "no.toml: cannot be read: No such file or directory"),
