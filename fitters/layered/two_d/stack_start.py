@@ -24,8 +24,8 @@ _SOFTEST = 0.3
 # Least part of c33D that c33E can be: more would be a coupling above 0.84, which no ceramic has.
 _TRIES = 40
 # Draws for each tensor wanted, at most.
-_NEARER, _WIDEST = 0.5, 0.5
-# Part of the prior width from which constants of a layer are drawn, and the largest width of a coordinate, a logarithm.
+_WIDEST = 0.5
+# Largest width in which a coordinate of a layer, a logarithm, is drawn.
 _COARSE = 100
 # Points of each sweep for a search.
 
@@ -76,22 +76,23 @@ def drawn_starts(
 
 
 def drawn_layers(
-    layers: Sequence[str], coordinates: Coordinates, known: Sequence[Prior], count: int, rng: np.random.Generator
+    coordinates: Coordinates,
+    centres: Sequence[Reals],
+    layers: Sequence[str],
+    known: Sequence[Prior],
+    count: int,
+    rng: np.random.Generator,
 ) -> list[Reals]:
-    """Return starts with random constants of these layers: their Poisson's ratio from the prior, others nearer.
-
-    The one-dimensional answer tells the others in part; they are drawn from the prior with half its width.
-    """
+    """Return starts with random constants of these layers, drawn from their priors around each of `centres` in turn."""
     _, chain = coordinates.forward(coordinates.x)
     row = {name: k for k, name in enumerate(coordinates.parameters)}
     width = np.zeros(coordinates.x.size)
     for prior in known:
-        if prior.parameter.partition(".")[0] not in layers or prior.parameter not in row:
-            continue
-        at = int(np.argmax(np.abs(chain[row[prior.parameter]])))
-        share = 1.0 if prior.parameter.endswith(".poisson") else _NEARER
-        width[at] = share * prior.u / abs(float(chain[row[prior.parameter], at]))
-    return [coordinates.x + np.minimum(width, _WIDEST) * rng.normal(size=width.size) for _ in range(count)]
+        if prior.parameter.partition(".")[0] in layers and prior.parameter in row:
+            slope = chain[row[prior.parameter]]
+            at = int(np.argmax(np.abs(slope)))
+            width[at] = min(prior.u / abs(float(slope[at])), _WIDEST)
+    return [centres[k % len(centres)] + width * rng.normal(size=width.size) for k in range(count)]
 
 
 def _likelihood(drawn: Mapping[str, float], usual: Mapping[str, float]) -> float:

@@ -14,7 +14,7 @@ from ....models.stack2d.stack_model import with_reduced_section
 from ...disk.two_d.misfit_as_noise import at_level, judged, left_of
 from ...engine.descent import Descent, descend
 from ...engine.objective import Objective
-from ...engine.parameters.assembly import layers_of, renamed
+from ...engine.parameters.assembly import layers_of, nominal_parameters, renamed
 from ...engine.recording import Prior, Recording
 from .lateral_search import Effort, searched
 from .stack_problem import StackProblem, nominal, stack_coordinates, stack_of, stack_priors, tensor_values
@@ -84,12 +84,14 @@ def _further(
     before = {layer.name for layer in layers_of(problem.build, steps[:-1])}
     new = [name for name in problem.build.step(steps[-1]).layers if name not in before]
     known = [prior for prior in priors if isinstance(prior, Prior)]
+    ours = {name: value for name, value in nominal_parameters(problem.build).items() if name.partition(".")[0] in new}
+    centres = [coordinates.x, coordinates.inverse({**values, **ours})]
     rng = np.random.default_rng(1)
 
     def drawn(count: int) -> list[Reals]:
-        return drawn_layers(new, coordinates, known, count, rng)
+        return drawn_layers(coordinates, centres, new, known, count, rng)
 
-    x, _, evaluations = searched(rough, [exact], coordinates, priors, [coordinates.x], drawn, _LAYERS)
+    x, _, evaluations = searched(rough, [exact], coordinates, priors, centres, drawn, _LAYERS)
     return {**values, **coordinates.forward(x)[0]}, evaluations
 
 
