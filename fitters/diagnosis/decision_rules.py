@@ -24,7 +24,8 @@ model. The prior odds against an effect are about as much."""
 FITTED_FIRST, FITTED_LATER, POLISHED = 8, 4, 2
 """Budget: effects fitted alone, effects fitted beside others, and hypotheses fitted to convergence."""
 UNFINISHED = 5
-"""Budget: number of best hypotheses whose fits continue if they have not converged."""
+"""Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of the best
+one: a probability is computed from how well it describes the recordings where it ended."""
 NEAR = 12.0
 """ln odds within which a hypothesis is kept; anything further behind has a probability below 1e-5."""
 PARENTS = 3

@@ -77,13 +77,14 @@ def diagnose(
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress, jobs)
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
+    with_lines = replace(problem, lines=found.final.fit.marginal.lines)
     places = (
-        placed_corrections(search.problem, found.final, progress, jobs, thorough=learn)
+        placed_corrections(with_lines, found.final, progress, jobs, thorough=learn)
         if found.something_left and fitter is None
         else ()
     )
     if learn and fitter is None:
-        found, places = _learned(search.problem, found, places, progress, jobs)
+        found, places = _learned(with_lines, found, places, progress, jobs)
         final = as_refit(problem, found.final)
         held_after = held_out_chi2(problem, final)
     # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects

@@ -226,7 +226,7 @@ class GreedySearch:
     def _take(self, made: Hypothesis) -> None:
         if np.isfinite(made.log_weight):
             known = self.found.get(made.key)
-            if known is None or made.log_weight > known.log_weight:
+            if known is None or made.log_weight - _extrapolated(made) > known.log_weight - _extrapolated(known):
                 self.found[made.key] = made
 
     @property
@@ -245,6 +245,13 @@ class GreedySearch:
                 break
             self._fine.update(one.key for one in again)
             self._fit([_Plan(one.effects, one.values, _restart(one), near=True, rounds=4) for one in again])
+        for _ in range(UNFINISHED):
+            best = self.best
+            if best.fit.converged:
+                break
+            self._fit([_Plan(best.effects, best.values, _restart(best), near=True, rounds=4)])
+            if self.best is best:
+                break
 
     def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
         """Return a hypothesis without one of its effects."""
@@ -256,6 +263,19 @@ class GreedySearch:
         if key not in self.found:
             self._take(fitted(self.problem, tuple(effects), near.values, (near.fit.sizes,), fast=self._fast))
         return self.found[key]
+
+    def with_own_lines(self, one: Hypothesis) -> Hypothesis:
+        """Return a hypothesis fitted with the weak lines that it leaves itself, not those that the best one leaves.
+
+        Its evidence cannot be compared with that of the others.
+        """
+        lines = weak_lines(one)
+        if set(lines) == set(self.problem.lines):
+            return one
+        problem = replace(self.problem, lines=lines)
+        sizes = one.fit.sizes, ErrorSizes()
+        own = fitted(problem, one.effects, one.values, sizes, near=True, fast=self._fast)
+        return own if np.isfinite(own.log_weight) else one
 
     def thin(self, one: Hypothesis) -> None:
         """Remove effects from the best hypothesis one by one while that improves it."""
@@ -273,6 +293,11 @@ class GreedySearch:
             for one, part in zip(self.ranked, parts, strict=True)
             if any(effect.effect.name in names for effect in one.effects)
         )
+
+
+def _extrapolated(one: Hypothesis) -> float:
+    """Return the uncertainty of ln evidence, in nats: where a fit has not converged, it is extrapolated by one step."""
+    return 0.0 if one.fit.converged else 1.0
 
 
 def _restart(one: Hypothesis) -> tuple[ErrorSizes, ...]:
