@@ -19,10 +19,10 @@ from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
 
-_RANKED = 0.1
-# Misfit of ln Z that counts as noise in the comparison of starts.
-_SEARCH = ((0.1, 16, 6), (0.05, 8, 8), (0.02, 4, 12))
-# Successive misfits that count as noise, the number of places followed, and the steps from each.
+_WIDE = ((0.3, 16, 8), (0.1, 8, 10), (0.03, 4, 12))
+_NARROW = ((0.1, 16, 6), (0.05, 8, 8), (0.02, 4, 12))
+# Successive misfits of ln Z that count as noise, the number of places followed, and the steps from each. Starts are
+# compared at the first misfit. Few sharp modes (D/t 10) need the wide search, many overlapping ones (D/t 30) the other.
 _LAST, _FINE, _MOST = 0.004, 1e-3, 15
 # Misfit that counts as noise, tolerance and steps of the last descent, with the exact models.
 _NEAR, _KEPT = 0.35, 4
@@ -56,7 +56,6 @@ def searched(
     returns n random ones for later rounds.
     """
     rng = np.random.default_rng(0)
-    ranking = Objective([replace(one, misfit=_RANKED) for one in rough], coordinates, priors)
     expected = math.sqrt(sum(float(np.sum(2 * one.noise**2)) for one in exact[0]))
     starts, minima, evaluations = list(given), list[tuple[float, int, Reals]](), 0
     for k in range(1 + effort.rounds):
@@ -65,9 +64,11 @@ def searched(
             spread = _NEAR * np.std(np.array(starts), axis=0)
             for *_, x in minima[:_KEPT]:
                 starts += [x + spread * rng.normal(size=x.size) for _ in range(effort.draws // _KEPT)]
+        search = _NARROW if k % 2 else _WIDE
+        ranking = Objective([replace(one, misfit=search[0][0]) for one in rough], coordinates, priors)
         costs = np.array([float(np.sum(ranking.residual(x) ** 2)) for x in starts])
         best: list[Reals] = [starts[k] for k in np.argsort(costs).tolist()]
-        x, more = followed(rough, coordinates, priors, best, _SEARCH, 1)
+        x, more = followed(rough, coordinates, priors, best, search, 1)
         evaluations += len(starts) + more
         for kind, judging in enumerate(exact):
             last = Objective([replace(one, misfit=_LAST) for one in judging], coordinates, priors)

@@ -20,7 +20,7 @@ from .lateral_search import Effort, searched
 from .stack_problem import StackProblem, nominal, stack_coordinates, stack_of, stack_priors, tensor_values
 from .stack_start import drawn_layers, drawn_starts, library_starts, one_dimensional, thinned, usual_tensor
 
-_BARE, _STACK, _LAYERS = Effort(4, 200), Effort(2, 60), Effort(6, 40)
+_BARE, _STACK, _LAYERS = Effort(5, 200), Effort(3, 60), Effort(6, 40)
 # Search for the constants of a bare disk, of a disk that was never measured bare, and of further layers.
 _ROUGH = 1e-2
 # Part of the largest singular value down to which functions of z are kept for the search.
