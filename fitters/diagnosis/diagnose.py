@@ -23,7 +23,7 @@ from .inference.data_findings import of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, parameters_of
 from .inference.stated_effects import stated
 from .inference.undetectable import not_decidable
-from .learning.learned_effect import learned_instead, with_learned
+from .learning.learned_effect import Learning
 from .learning.places import PlacedCorrection, placed_corrections
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
@@ -78,15 +78,14 @@ def diagnose(
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
     with_lines = replace(problem, lines=found.final.fit.marginal.lines)
-    places = (
-        placed_corrections(with_lines, found.final, progress, jobs, thorough=learn)
-        if found.something_left and fitter is None
-        else ()
-    )
     if learn and fitter is None:
-        found, places = _learned(with_lines, found, places, progress, jobs)
+        found, places = Learning(with_lines, progress, jobs).learned(found, search.ranked)
         final = as_refit(problem, found.final)
         held_after = held_out_chi2(problem, final)
+    elif found.something_left and fitter is None:
+        places = placed_corrections(with_lines, found.final, progress, jobs, thorough=False)
+    else:
+        places = ()
     # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects
     coarse = found.final.coarseness if found.verdict != "no-mismatch" else 1.0
     told = [(one, _finding(problem, one, found, final, (held_before, held_after), coarse)) for one in found.named]
@@ -153,30 +152,6 @@ def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tupl
                 f"have {', '.join(outside)}"
             )
     return named
-
-
-def _learned(
-    problem: Problem,
-    found: Conclusion,
-    places: tuple[PlacedCorrection, ...],
-    progress: Callable[[str], None],
-    jobs: int,
-) -> tuple[Conclusion, tuple[PlacedCorrection, ...]]:
-    """Return the conclusion with a learned law in place of the named effects or beside them, and its places.
-
-    A second law, at another place, is looked for if the first one leaves something.
-    """
-
-    def left_by(one: Conclusion) -> tuple[PlacedCorrection, ...]:
-        return placed_corrections(problem, one.final, progress, jobs) if one.something_left else ()
-
-    if found.named:
-        whole = placed_corrections(problem, found.null, progress, jobs)
-        instead = learned_instead(problem, found, whole, progress)
-        if instead is not found:
-            return with_learned(problem, instead, left_by(instead), progress), whole
-    beside = with_learned(problem, found, places, progress)
-    return (beside if beside is found else with_learned(problem, beside, left_by(beside), progress)), places
 
 
 def _place(one: PlacedCorrection) -> MismatchPlace:

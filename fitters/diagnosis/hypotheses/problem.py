@@ -55,9 +55,10 @@ class Candidate:
 
     @property
     def resonance_parameters(self) -> tuple[str, ...]:
-        """Names of the parameters that are resonance frequencies of its own."""
+        """Names of the parameters that are resonance frequencies of its own: frequencies of an effect that has a Q."""
         others = zip(self.parameters[1:], self.effect_parameters[1:], strict=True)
-        return tuple(name for name, knob in others if knob.unit == "Hz")
+        sharp = any(knob.name == "q" for knob in self.effect_parameters)
+        return tuple(name for name, knob in others if sharp and knob.unit == "Hz")
 
     def blocks(self, values: Mapping[str, float]) -> tuple[Block, ...]:
         """Return the coordinates of its parameters within their physical limits, for a fit that starts at `values`."""

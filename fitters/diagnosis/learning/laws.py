@@ -1,6 +1,6 @@
 """The law of a correction: causal, passive laws of growing order are compared by evidence."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -10,16 +10,20 @@ from scipy.optimize import least_squares
 from ....models.base.arrays import Complexes, Reals
 from ....models.base.errors import PzctlError
 from ....models.effects import EffectParameter
-from ....models.effects.learned.laws import laws
+from ....models.effects.learned.corrections import Place, places
+from ....models.effects.learned.laws import Law, laws
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
+from .delays import likely_delays
 from .places import PlacedCorrection
 
 _TRIALS = 6
-"""Start values of a frequency or a delay over its range."""
+"""Start values of a frequency over its range."""
+_LEAST, _MOST = 1e-3, 0.9
+"""Limits of the start value of an echo, relative to natural size and largest value."""
 _FLOOR = 0.05
 """Smallest uncertainty of a drawn correction that is used, relative to its largest value."""
 
@@ -46,12 +50,13 @@ def learned_laws(
 ) -> tuple[LearnedCorrection, ...]:
     """Return the laws fitted at a place in addition to a hypothesis, most probable first."""
     stack = stack_of(problem.recordings[-1].model)
+    band = float(placed.frequency[0]), float(placed.frequency[-1])
     made: list[tuple[LearnedLaw, Candidate, Hypothesis]] = []
-    for law in laws(placed.place.quantity):
-        effect = LearnedLaw(placed.place, law, stack)
-        one = Candidate(effect, placed.place.where, placed.steps, effect.effect_parameters(stack, placed.place.where))
-        progress(f"trying the law {law.name} of {placed.place.says}")
-        best = _fitted(problem, parent, one, _start(effect, one, placed, stack), placed)
+    for place, law in _forms(placed.place, stack):
+        effect = LearnedLaw(place, law, stack, band=band)
+        one = Candidate(effect, place.where, placed.steps, effect.effect_parameters(stack, place.where))
+        progress(f"trying the law {law.name} of {place.says}")
+        best = _fitted(problem, parent, one, _starts(effect, one, placed, parent), placed)
         if best is not None:
             made.append((effect, one, best))
     if not made:
@@ -64,14 +69,26 @@ def learned_laws(
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
+def _forms(place: Place, stack: Stack) -> list[tuple[Place, Law]]:
+    """Return the laws of a place; a load can also be corrected by a factor, as by an echo inside of it."""
+    found = [(place, law) for law in laws(place.quantity)]
+    factor = Place(place.where, "load")
+    if place.quantity == "impedance" and factor in places(stack):
+        found += [(factor, law) for law in laws(factor.quantity)]
+    return found
+
+
+_Start = tuple[Mapping[str, float], dict[str, float]]
+"""Values of the constants, and parameters of the law, from which a fit starts."""
+
+
 def _fitted(
-    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[dict[str, float]], placed: PlacedCorrection
+    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[_Start], placed: PlacedCorrection
 ) -> Hypothesis | None:
-    """Return the law fitted from the result of the smooth correction."""
+    """Return the best fit of a law."""
     made: list[Hypothesis] = []
     effects = (*parent.effects, one)
-    values = {name: value for name, value in placed.hypothesis.values.items() if not name.startswith(one.prefix)}
-    for start in starts:
+    for values, start in starts:
         for own in dict.fromkeys((placed.hypothesis.fit.sizes, parent.fit.sizes)):
             try:
                 made.append(fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False))
@@ -80,9 +97,31 @@ def _fitted(
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
 
 
-def _start(effect: LearnedLaw, one: Candidate, placed: PlacedCorrection, stack: Stack) -> list[dict[str, float]]:
+def _starts(effect: LearnedLaw, one: Candidate, placed: PlacedCorrection, parent: Hypothesis) -> list[_Start]:
+    """Return the starts of a law's fit: from the smooth correction, or from the residual's periods for an echo."""
+    if any(knob.name == "delay" for knob in one.effect_parameters):
+        return [(parent.values, start) for start in _from_periods(effect, one, parent)]
+    smooth = placed.hypothesis.effects[-1].prefix
+    values = {name: value for name, value in placed.hypothesis.values.items() if not name.startswith(smooth)}
+    return [(values, start) for start in _start(effect, one, placed)]
+
+
+def _from_periods(effect: LearnedLaw, one: Candidate, parent: Hypothesis) -> list[dict[str, float]]:
+    """Return an echo at each of the likeliest delays, with half of the size that explains most to first order."""
+    knobs = {knob.name: knob for knob in one.effect_parameters}
+    delay = knobs["delay"]
+    made: list[dict[str, float]] = []
+    for found in likely_delays(parent, effect.place, one.steps, delay.lower, delay.upper):
+        echo = {"echo": knobs["echo"].null} if "echo" in knobs else {}
+        size = effect.natural * found.amplitude / (4 * echo.get("echo", 1.0))
+        size = min(max(size, _LEAST * effect.natural), _MOST * knobs["size"].upper)
+        made.append({one.prefix + name: value for name, value in ({"size": size, "delay": found.delay} | echo).items()})
+    return made
+
+
+def _start(effect: LearnedLaw, one: Candidate, placed: PlacedCorrection) -> list[dict[str, float]]:
     """Return the parameters with which the law is closest to the smooth correction, from the best of many starts."""
-    knobs = effect.effect_parameters(stack, placed.place.where)
+    knobs = one.effect_parameters
     largest = float(np.max(np.abs(placed.correction)))
     u = np.hypot(np.hypot(placed.u_re, placed.u_im), _FLOOR * largest)
     grids = [_grid(knob, placed, largest * effect.natural) for knob in knobs]
@@ -108,10 +147,7 @@ def _grid(knob: EffectParameter, placed: PlacedCorrection, size: float) -> Seque
     if knob.name == "size":
         return (0.3 * size, size, 3 * size)
     if knob.unit == "Hz":
-        low, high = float(placed.frequency[0]), float(placed.frequency[-1])
-        return tuple(np.geomspace(max(low / 3, knob.lower * 1.01), min(high * 3, knob.upper * 0.99), _TRIALS).tolist())
-    if knob.unit == "s":
-        return tuple(np.geomspace(knob.lower * 1.01, knob.upper * 0.99, 2 * _TRIALS).tolist())
+        return tuple(np.geomspace(knob.lower * 1.01, knob.upper * 0.99, _TRIALS).tolist())
     return (knob.null,)
 
 

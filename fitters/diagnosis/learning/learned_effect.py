@@ -1,117 +1,225 @@
-"""The learned law as a further effect of a conclusion."""
+"""A learned law as a further effect of a conclusion, beside named effects or in place of them, as the evidence says."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ....models.base.errors import PzctlError
 from ....models.effects.learned.laws import laws
 from ..decision_rules import LEFT, NAMED
 from ..findings import Alternative
 from ..hypotheses.hypothesis import Hypothesis, fitted
-from ..hypotheses.problem import Problem
+from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion, NamedEffect, remaining_of, unexplained
 from ..inference.effect_size import sizes_of
 from .laws import LearnedCorrection, learned_laws
-from .places import PlacedCorrection
+from .places import PlacedCorrection, placed_corrections
 
 _SAID = 0.01
-"""Smallest probability at which another law is mentioned."""
+"""Smallest probability at which an alternative is mentioned."""
 _TRIED = 2
 """Budget: number of places at which laws are fitted."""
+_PARENTS = 4
+"""Budget: number of sets of catalogue effects beside which laws are fitted."""
+_LAWS = 2
+"""Budget: number of laws learned one after the other."""
 
 
-def with_learned(
-    problem: Problem,
-    conclusion: Conclusion,
-    places: Sequence[PlacedCorrection],
-    progress: Callable[[str], None] = lambda _: None,
-) -> Conclusion:
-    """Return the conclusion with the most probable law as a further effect, if one is more probable than none."""
-    likely = [one for one in places if one.probability > (1 - NAMED) / 2][:_TRIED]
-    found = [law for one in likely for law in learned_laws(problem, conclusion.final, one, progress)]
-    if not found:
-        return conclusion
-    best = max(found, key=lambda one: one.hypothesis.log_evidence)
-    alone = fitted(
-        problem, conclusion.final.effects, conclusion.final.values, (conclusion.final.fit.sizes,), near=True, tau=False
-    )
-    probability = _probability(alone, best, found)
-    if probability < NAMED:
-        return conclusion
-    return _extended(problem, conclusion, best, found, probability)
+@dataclass(frozen=True, eq=False)
+class _Explanation:
+    """A hypothesis with a law, or without one."""
+
+    hypothesis: Hypothesis
+    law: LearnedCorrection | None
+    parent: Hypothesis
+    """The hypothesis without the law."""
+
+    def log_weight(self, temper: float) -> float:
+        """Return ln (marginal likelihood times prior odds).
+
+        A law is as probable beforehand as a catalogue effect at its place, shared among all laws there.
+        """
+        forms = 1 if self.law is None else len(laws(self.law.placed.place.quantity))
+        return self.hypothesis.log_evidence / temper + self.hypothesis.log_odds - float(np.log(forms))
 
 
-def learned_instead(
-    problem: Problem, conclusion: Conclusion, places: Sequence[PlacedCorrection], progress: Callable[[str], None]
-) -> Conclusion:
-    """Return the conclusion with a learned law in place of all named effects, if the law is more probable than they.
+@dataclass(frozen=True, eq=False)
+class _Choice:
+    """The best law among all explanations."""
 
-    What no list holds is imitated by what a list holds, so the two must compete. `places`: of the misfit without
-    effects. A law is as probable beforehand as an effect of the catalogue at its place, shared among all laws there.
-    """
-    likely = [one for one in places if one.probability > (1 - NAMED) / 2][:_TRIED]
-    found = [law for one in likely for law in learned_laws(problem, conclusion.null, one, progress)]
-    if not found:
-        return conclusion
-    final = conclusion.final
-    named = fitted(problem, final.effects, final.values, (final.fit.sizes,), near=True, tau=False)
-    best = max(found, key=lambda one: one.hypothesis.log_weight)
-    weights = [
-        named.log_weight,
-        *(one.hypothesis.log_weight - np.log(len(laws(one.placed.place.quantity))) for one in found),
-    ]
-    part = np.exp((np.array(weights) - np.max(weights)) / best.hypothesis.coarseness)
-    here = [one.placed.place == best.placed.place for one in found]
-    probability = float(np.sum(part[1:][here]) / np.sum(part))
-    if probability < NAMED:
-        return conclusion
-    others = tuple(
-        Alternative(one.candidate.effect.name, one.candidate.where, one.probability * float(part[0] / np.sum(part)))
-        for one in conclusion.named
-    )
-    bare = replace(conclusion, final=conclusion.null, named=())
-    extended = _extended(problem, bare, best, found, probability)
-    (law,) = extended.named
-    likely_others = tuple(one for one in others if one.probability > _SAID)
-    return replace(extended, named=(replace(law, alternatives=(*likely_others, *law.alternatives)),), nearest=None)
+    explanations: tuple[_Explanation, ...]
+    shares: tuple[float, ...]
+    """Probability of each."""
+    best: _Explanation
+    law: LearnedCorrection
 
+    @property
+    def probability(self) -> float:
+        """Probability that a law acts at the place of the best one."""
+        here = self.law.placed.place
+        return self._of(lambda one: one.law is not None and one.law.placed.place == here)
 
-def _probability(parent: Hypothesis, best: LearnedCorrection, found: Sequence[LearnedCorrection]) -> float:
-    """Return the probability that a law acts at the best law's place, among all laws tried and none."""
-    temper = best.hypothesis.coarseness
-    weights = np.array([parent.log_evidence, *(one.hypothesis.log_evidence for one in found)]) / temper
-    part = np.exp(weights - np.max(weights))
-    here = [one.placed.place == best.placed.place for one in found]
-    return float(np.sum(part[1:][here]) / np.sum(part))
+    def inclusion(self, effect: Candidate) -> float:
+        """Return the probability that a catalogue effect is present."""
+        return self._of(lambda one: effect in one.parent.effects)
+
+    def _of(self, which: Callable[[_Explanation], bool]) -> float:
+        return sum(share for share, one in zip(self.shares, self.explanations, strict=True) if which(one))
+
+    def without(self, effect: Candidate) -> Hypothesis | None:
+        """Return the best law beside the same effects except one, if it was fitted."""
+        rest = frozenset(self.best.parent.effects) - {effect}
+        same = [
+            one.hypothesis
+            for one in self.explanations
+            if one.law is not None and one.law.placed.place == self.law.placed.place and one.parent.key == rest
+        ]
+        return max(same, key=lambda one: one.log_evidence, default=None)
 
 
-def _extended(
-    problem: Problem,
-    conclusion: Conclusion,
-    best: LearnedCorrection,
-    found: Sequence[LearnedCorrection],
-    probability: float,
-) -> Conclusion:
-    law = best.hypothesis
-    final = fitted(problem, law.effects, law.values, (law.fit.sizes,), near=True)
+@dataclass(frozen=True, eq=False)
+class Learning:
+    """The search for laws beside hypotheses of catalogue effects."""
+
+    problem: Problem
+    progress: Callable[[str], None] = lambda _: None
+    jobs: int = 1
+
+    def learned(
+        self, conclusion: Conclusion, tried: Sequence[Hypothesis]
+    ) -> tuple[Conclusion, tuple[PlacedCorrection, ...]]:
+        """Return the conclusion with learned laws, and the places of the misfit that the first one describes.
+
+        What no list holds is imitated by what a list holds. Laws are therefore fitted beside the named effects, beside
+        fewer of them, beside none, and beside the best single effects that were `tried`, and all compete.
+        """
+        parents = [conclusion.final, *(one.without for one in conclusion.named), conclusion.null]
+        found, places = self._extended(conclusion, [*parents, *(one for one in tried if len(one.effects) == 1)])
+        for _ in range(_LAWS - 1):
+            if found is conclusion or not found.something_left:
+                break
+            conclusion = found
+            found, _ = self._extended(conclusion, [conclusion.final])
+        return found, places
+
+    def _extended(
+        self, conclusion: Conclusion, parents: Sequence[Hypothesis]
+    ) -> tuple[Conclusion, tuple[PlacedCorrection, ...]]:
+        """Return the conclusion with one more law, if one is more probable than none."""
+        different = list({one.key: one for one in reversed(parents)}.values())[::-1][:_PARENTS]
+        explanations: list[_Explanation] = []
+        places: dict[Hypothesis, tuple[PlacedCorrection, ...]] = {}
+        for one in different:
+            parent = self._alone(one)
+            places[parent] = placed_corrections(self.problem, parent, self.progress, self.jobs)
+            explanations.append(_Explanation(parent, None, parent))
+            for placed in [place for place in places[parent] if place.probability > (1 - NAMED) / 2][:_TRIED]:
+                made = learned_laws(self.problem, parent, placed, self.progress)
+                explanations += [_Explanation(law.hypothesis, law, parent) for law in made]
+        choice = _chosen(explanations)
+        if choice is None or choice.probability < NAMED:
+            return conclusion, next(iter(places.values()))
+        final = self._final(choice)
+        if not conclusion.something_left and not _better(final, choice.best, conclusion.final):
+            return conclusion, places[choice.best.parent]
+        return _concluded(self.problem, conclusion, choice, final), places[choice.best.parent]
+
+    def _alone(self, one: Hypothesis) -> Hypothesis:
+        """Return a hypothesis fitted without smooth errors of the model, which would absorb what a law describes."""
+        made = [
+            fitted(self.problem, one.effects, one.values, (one.fit.sizes,), near=near, tau=False, shape=False)
+            for near in ((True, False) if one.fit.sizes.shape > 0 else (True,))
+        ]
+        return max(made, key=lambda hypothesis: hypothesis.log_evidence)
+
+    def _final(self, choice: _Choice) -> Hypothesis:
+        """Return the best explanation, with smooth errors of the constants if it is better with them."""
+        best = choice.best.hypothesis
+        try:
+            made = fitted(self.problem, best.effects, best.values, (best.fit.sizes,), near=True)
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return best
+        return max(best, made, key=lambda hypothesis: hypothesis.log_evidence)
+
+
+def _chosen(explanations: Sequence[_Explanation]) -> _Choice | None:
+    """Return the best law and the probability of every explanation."""
+    with_law = [one for one in explanations if one.law is not None]
+    if not with_law:
+        return None
+    temper = max(explanations, key=lambda one: one.log_weight(1.0)).hypothesis.coarseness
+    weight = np.array([one.log_weight(temper) for one in explanations])
+    part = np.exp(weight - np.max(weight))
+    best = max(with_law, key=lambda one: one.log_weight(temper))
+    if best.law is None:
+        return None
+    return _Choice(tuple(explanations), tuple((part / np.sum(part)).tolist()), best, best.law)
+
+
+def _better(final: Hypothesis, best: _Explanation, found: Hypothesis) -> bool:
+    """Return whether a law is more probable than what the errors of a good device explain without it."""
+    temper = max(final, found, key=lambda one: one.log_evidence).coarseness
+    own = replace(best, hypothesis=final).log_weight(temper)
+    return own > found.log_evidence / temper + found.log_odds
+
+
+def _concluded(problem: Problem, conclusion: Conclusion, choice: _Choice, final: Hypothesis) -> Conclusion:
+    """Return the conclusion from the best explanation."""
     moves = sizes_of(problem, final)
-    others = tuple(
-        Alternative(
-            f"learned ({one.effect.law.name})", one.placed.place.where, one.placed.probability * one.probability
+    before = {one.candidate: one for one in conclusion.named}
+    one_law = choice.law
+    named = [
+        NamedEffect(
+            one_law.candidate,
+            choice.probability,
+            moves[one_law.candidate],
+            _share(choice.best.parent, final),
+            "finding",
+            choice.best.parent,
+            (),
+            _alternatives(choice, conclusion),
         )
-        for one in found
-        if one is not best and one.placed.probability * one.probability > _SAID
-    )
-    before, after = unexplained(conclusion.final), unexplained(final)
-    share = max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0
-    learned = NamedEffect(
-        best.candidate, probability, moves[best.candidate], share, "finding", conclusion.final, (), others
-    )
+    ]
+    for effect in choice.best.parent.effects:
+        without = choice.without(effect) or _less(problem, final, effect)
+        share, known = _share(without, final), before.get(effect)
+        if known is not None:
+            named.append(replace(known, moves=moves[effect], share=share, without=without))
+        else:
+            sure = choice.inclusion(effect)
+            named.append(NamedEffect(effect, sure, moves[effect], share, "finding", without, (), ()))
     return replace(
         conclusion,
         final=final,
-        named=tuple(sorted((*conclusion.named, learned), key=lambda one: -one.moves)),
+        named=tuple(sorted(named, key=lambda one: -one.moves)),
         remaining=remaining_of(final),
         something_left=unexplained(final) > LEFT,
+        nearest=None,
     )
+
+
+def _alternatives(choice: _Choice, conclusion: Conclusion) -> tuple[Alternative, ...]:
+    """Return the named effects that the law replaces, and the other laws, with their probabilities."""
+    replaced = [one.candidate for one in conclusion.named if one.candidate not in choice.best.parent.effects]
+    catalogue = [Alternative(one.effect.name, one.where, choice.inclusion(one)) for one in replaced]
+    by_law: dict[tuple[str, str], float] = {}
+    for share, one in zip(choice.shares, choice.explanations, strict=True):
+        if one.law is not None:
+            key = f"learned ({one.law.effect.law.name})", one.law.placed.place.where
+            by_law[key] = by_law.get(key, 0.0) + share
+    by_law.pop((f"learned ({choice.law.effect.law.name})", choice.law.placed.place.where), None)
+    others = [Alternative(name, where, share) for (name, where), share in sorted(by_law.items(), key=lambda it: -it[1])]
+    return tuple(one for one in (*catalogue, *others) if one.probability > _SAID)
+
+
+def _less(problem: Problem, final: Hypothesis, effect: Candidate) -> Hypothesis:
+    """Return the explanation fitted without one of its effects."""
+    rest = tuple(one for one in final.effects if one is not effect)
+    return fitted(problem, rest, final.values, (final.fit.sizes,), near=True, tau=False, shape=False)
+
+
+def _share(without: Hypothesis, final: Hypothesis) -> float:
+    """Return the part of the squared misfit that an effect explains."""
+    before, after = unexplained(without), unexplained(final)
+    return max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0

@@ -58,12 +58,14 @@ def placed_corrections(
 ) -> tuple[PlacedCorrection, ...]:
     """Return a smooth correction at each place of the device in addition to a hypothesis, most probable first.
 
-    No other smooth error of the model is allowed with it: the question is which single place explains the residual.
-    `jobs`: number of processes. `thorough`: whether each correction is fitted from several starts, as a law that is
-    learned from it needs; otherwise from its first-order solution alone.
+    No other smooth error of the constants is allowed with it: the question is which single place explains the residual.
+    `jobs`: number of processes. `thorough`: whether each correction is fitted from several starts and without errors of
+    the effects' formulas, as a law that is learned from it needs; otherwise from its first-order solution alone.
     """
     try:
-        alone = fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False)
+        alone = fitted(
+            problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False, shape=not thorough
+        )
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
     taken = {one.where for one in parent.effects if one.effect.name == NAME}  # one law is possible at one place
@@ -99,6 +101,8 @@ def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
         for place in places(device.bare):
             if place.where == "face:front" and recording.step != last:
                 continue  # buried by the next step
+            if place.quantity == "load":
+                continue  # a smooth factor of a load is a smooth impedance added to it
             own = steps.setdefault(place, [])
             if recording.step not in own:
                 own.append(recording.step)
@@ -140,6 +144,8 @@ class _Plan:
     values: Mapping[str, float]
     sizes: ErrorSizes
     near: bool
+    shape: bool
+    """Whether the effects' formulas may err."""
 
 
 def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> _Trial | None:
@@ -162,7 +168,7 @@ def _fitted(
 ) -> list[Hypothesis | None]:
     """Return the best fit of each correction; None where there is none."""
     plans = [
-        _Plan((*parent.effects, trial.candidate), values, sizes, near)
+        _Plan((*parent.effects, trial.candidate), values, sizes, near, not thorough)
         for trial in trials
         for values, near in (((dict(parent.values), False),) if thorough else ()) + ((trial.start, True),)
         # one by one, because each leads to a different minimum
@@ -183,7 +189,9 @@ def _fitted(
 def _end(problem: Problem, plan: _Plan) -> tuple[float, Minimum] | None:
     """Return the ln evidence and the minimum that a fit reaches."""
     try:
-        made = fitted(problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, tau=False)
+        made = fitted(
+            problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, tau=False, shape=plan.shape
+        )
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None
     return made.log_evidence, made.fit.minimum

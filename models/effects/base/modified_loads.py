@@ -1,7 +1,7 @@
 """Loads derived from another load: they keep its parameters and modify its impedance."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -50,6 +50,21 @@ class SupportedLoad(ModifiedLoad):
     def factor(self, frequency: Frequencies) -> ComplexLike:
         """Return 1."""
         return 1.0
+
+
+@dataclass(frozen=True)
+class CorrectedLoad(ModifiedLoad):
+    """A load times 1 + g(f)."""
+
+    g: Callable[[Frequencies], Complexes]
+
+    def impedance(self, frequency: Frequencies) -> ComplexLike:
+        """Return the specific impedance in Rayl, shape (N,)."""
+        return self.inner.impedance(frequency) * self.factor(frequency)
+
+    def factor(self, frequency: Frequencies) -> Complexes:
+        """Return 1 + g, shape (N,)."""
+        return 1 + self.g(frequency)
 
 
 @dataclass(frozen=True)

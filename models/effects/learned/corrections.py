@@ -6,6 +6,7 @@ g times its natural size is added to a path, a face or an interface.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -14,22 +15,27 @@ from ...base.arrays import Complexes, Frequencies, Impedances
 from ...stack import Elastic, Piezo, Stack
 from ...stack.laws import ComplexLike
 from ...stack.layers import Gradient
-from ...stack.loads import AnyLoad
+from ...stack.loads import AnyLoad, Load
 from ...stack.lumps import Gap, Weight
 from ...stack.row import Joins
 from ...stack.stack import Layer
 from ..base.assembly import Assembly
 from ..base.effect import FACES, TERMINALS, Stage, interface_at, interfaces, layer_at
 from ..base.modified_laws import ModifiedLaw
-from ..base.modified_loads import SupportedLoad
+from ..base.modified_loads import CorrectedLoad, SupportedLoad, is_backing
 from ..base.scale import acoustic_impedance, reactance, resonance
 
-Quantity = Literal["stiffness", "permittivity", "coupling", "compliance", "inertia", "impedance", "series", "shunt"]
+Quantity = Literal[
+    "stiffness", "permittivity", "coupling", "compliance", "inertia", "impedance", "load", "series", "shunt"
+]
 Correction = Callable[[Frequencies], Complexes]
 """Maps Hz, shape (N,), to the dimensionless correction, shape (N,)."""
 
 CONSTANTS = ("stiffness", "permittivity", "coupling")
-"""Quantities that are corrected by a factor; the others have an impedance or an admittance added."""
+"""Constants of a layer, which are corrected by a factor that is 1 at the reference.
+
+The load of a face is corrected by a factor as well; the other quantities have an impedance or an admittance added.
+"""
 
 
 @dataclass(frozen=True)
@@ -59,6 +65,7 @@ _SAYS: Mapping[Quantity, str] = {
     "compliance": "the compliance between {where}",
     "inertia": "the mass between {where}",
     "impedance": "the acoustic load of the {where}",
+    "load": "the backing at the {where}",
     "series": "the impedance in series with the device",
     "shunt": "the admittance across the device",
 }
@@ -87,7 +94,13 @@ def places(stack: Stack) -> tuple[Place, ...]:
     for where in interfaces(stack):
         found += [Place(where, "compliance"), Place(where, "inertia")]
     found += [Place(where, "impedance") for where in FACES]
+    found += [Place(where, "load") for where in FACES if is_backing(load_at(stack, where))]
     return (*found, Place(TERMINALS, "series"), Place(TERMINALS, "shunt"))
+
+
+def load_at(stack: Stack, where: str) -> Load:
+    """Return the load of `face:back` or `face:front`."""
+    return stack.back if where == FACES[0] else stack.front
 
 
 def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
@@ -98,10 +111,7 @@ def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
     if place.quantity == "shunt":
         return assembly.behind(_across(reactance(assembly.nominal), g))
     if place.where in FACES:
-        size = acoustic_impedance(assembly.nominal)
-        load = AnyLoad("correction", lambda f: np.asarray(size * g(f), np.complex128))
-        end = place.where.partition(":")[2]
-        return assembly.each_stack(lambda stack: replace(stack, **{end: SupportedLoad(getattr(stack, end), load)}))
+        return assembly.each_stack(partial(_with_load, place=place, size=acoustic_impedance(assembly.nominal), g=g))
     if place.quantity in CONSTANTS:
         return assembly.each_stack(lambda stack: _with_constant(stack, place, g, resonance(assembly.nominal)))
     size = acoustic_impedance(assembly.nominal)
@@ -116,6 +126,16 @@ def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
         return replace(stack, layers=(*stack.layers[:k], part, *stack.layers[k:]))
 
     return assembly.each_stack(joined)
+
+
+def _with_load(stack: Stack, place: Place, size: float, g: Correction) -> Stack:
+    """Return a stack with one of its loads corrected by a factor, or with an impedance g times `size` in Rayl added."""
+    load = load_at(stack, place.where)
+    if place.quantity == "load":
+        made: Load = CorrectedLoad(load, g)
+    else:
+        made = SupportedLoad(load, AnyLoad("correction", lambda f: np.asarray(size * g(f), np.complex128)))
+    return replace(stack, **{place.where.partition(":")[2]: made})
 
 
 def _across(z0: float, g: Correction) -> Callable[[Complexes, Impedances], tuple[Impedances, Complexes]]:

@@ -79,15 +79,23 @@ def _echo(x: Reals, values: Values) -> Complexes:
     return np.asarray(values["size"] * (1 - echo) / (1 + echo), np.complex128)
 
 
+def _inner_echo(x: Reals, values: Values) -> Complexes:
+    echo = values["size"] * np.exp(-2j * np.pi * x * values["delay"])
+    return np.asarray(-2 * echo / (1 + echo), np.complex128)
+
+
 _EXPONENT = _shape("exponent", 0.02, 0.95, 0.2)
 _SPREAD, _SKEW = _shape("spread", 0.2, 1.0, 0.7), _shape("skew", 0.2, 1.0, 0.7)
 _Q = _shape("q", 1.0, 300.0, 10.0)
+_DELAY = _shape("delay", 0.2, 50.0, 2.0)
 
 
 def laws(quantity: Quantity) -> tuple[Law, ...]:
     """Return the laws for a quantity, simplest first."""
     if quantity in CONSTANTS:
         return _of_constant(quantity)
+    if quantity == "load":
+        return _OF_LOAD
     return _ADMITTED if quantity in ("shunt", "compliance") else _ADDED
 
 
@@ -157,7 +165,7 @@ _ADDED = (
     Law("resonance", (_size(), _at(), _Q), _peaked, "a resonance at {at} of {size} and Q {q}"),
     Law(
         "echo",
-        (_size(), _shape("delay", 0.2, 50.0, 2.0), _shape("echo", 0.01, 0.95, 0.3)),
+        (_size(), _DELAY, _shape("echo", 0.01, 0.95, 0.3)),
         _echo,
         "{size} with an echo of {echo} after {delay}",
     ),
@@ -170,3 +178,12 @@ _OF_ADMITTANCE = {
 }
 """The same laws in words where an admittance is added: there a mass and a spring change their roles."""
 _ADMITTED = tuple(replace(law, says=_OF_ADMITTANCE.get(law.name, law.says)) for law in _ADDED)
+_OF_LOAD = (
+    Law(
+        "echo",
+        (EffectParameter("size", "1", 0.1, upper=0.95, prior=(0.2, 1.0)), _DELAY),
+        _inner_echo,
+        "an echo of {size} after {delay}",
+    ),
+)
+"""The load z becomes z (1 - e)/(1 + e), e the echo from the far end of a layer with the impedance of the load."""

@@ -16,6 +16,8 @@ from .corrections import CONSTANTS, Correction, Place, corrected, natural_size, 
 from .laws import Law, laws
 
 NAME = "learned"
+_INSIDE = 1.01
+"""Smallest ratio of a start frequency to the limits of its band."""
 
 
 def _unit(unit: str) -> str:
@@ -35,8 +37,20 @@ class LearnedLaw(Effect):
         "Gustavsen and Semlyen, IEEE Trans. Power Deliv. 14 (1999) 1052: passive rational forms",
     )
 
-    def __init__(self, place: Place, law: Law, stack: Stack, reference: float = 0.0) -> None:
-        """Make the effect; `reference`: where the law has its size, Hz, 0 for the resonance of the stack."""
+    def __init__(
+        self,
+        place: Place,
+        law: Law,
+        stack: Stack,
+        reference: float = 0.0,
+        band: tuple[float, float] = (0.0, float("inf")),
+    ) -> None:
+        """Make the effect; `reference`: where the law has its size, Hz, 0 for the resonance of the stack.
+
+        `band`: the recorded band, Hz. A relaxation or resonance is looked for in it, because one beyond it cannot be
+        told from a power law, a resistance or a change of the constants.
+        """
+        self.band = band
         self.place, self.law, self.stage = place, law, place.stage
         self.reference = reference or resonance(stack)
         self.natural, self.unit = natural_size(stack, place.quantity)
@@ -57,15 +71,11 @@ class LearnedLaw(Effect):
     def _physical(self, knob: EffectParameter) -> EffectParameter:
         scale, unit = self._scale(knob.name)
         prior = None if knob.prior is None else (knob.prior[0] * scale, knob.prior[1])
-        return replace(
-            knob,
-            unit=unit,
-            typical=knob.typical * scale,
-            lower=knob.lower * scale,
-            upper=knob.upper * scale,
-            null=knob.null * scale,
-            prior=prior,
-        )
+        lower, upper, null = knob.lower * scale, knob.upper * scale, knob.null * scale
+        if unit == "Hz":
+            lower, upper = max(lower, self.band[0]), min(upper, self.band[1])
+            null = min(max(null, _INSIDE * lower), upper / _INSIDE)
+        return replace(knob, unit=unit, typical=knob.typical * scale, lower=lower, upper=upper, null=null, prior=prior)
 
     def _scale(self, name: str) -> tuple[float, str]:
         """Return the value of a parameter for which the law has 1, and its unit."""
