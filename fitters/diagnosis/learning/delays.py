@@ -27,11 +27,11 @@ _CONSTANT = Law(
 _STEP = 1e-4
 """Correction by which a derivative is taken."""
 _PER_PERIOD = 4
-"""Delays tried per inverse of the recorded band."""
+"""Delays tried per inverse of the recorded band, with an echo of any phase: its envelope is that wide."""
+_PER_CYCLE = 12
+"""Delays tried per period of the highest frequency near each of the best, with the phase of an echo."""
 _PEAKS = 3
 """Budget: number of delays."""
-_LEAST = 1e-6
-"""Smallest part of a column beyond the constants that counts, relative to the column."""
 
 
 @dataclass(frozen=True)
@@ -55,25 +55,52 @@ def likely_delays(
         return ()
     band = float(np.max(frequency) - np.min(frequency))
     high = min(high, frequency.size / (2 * band))  # sampling theorem
-    delays = np.arange(max(low, 1 / band), high, 1 / (_PER_PERIOD * band))
     Q, _ = np.linalg.qr(np.concatenate([J.real, J.imag]))
-    found = [_at(delay, frequency, slope, Q, r) for delay in delays.tolist()]
-    explained = np.array([0.0, *(one.explained for one in found), 0.0])
-    peaks = (explained[1:-1] >= explained[:-2]) & (explained[1:-1] > explained[2:])
-    best = [one for one, peak in zip(found, peaks.tolist(), strict=True) if peak]
-    return tuple(sorted(best, key=lambda one: -one.explained)[:_PEAKS])
+    echoes = _Echoes(frequency, slope, Q, np.concatenate([r.real, r.imag]))
+    delays = np.arange(max(low, 1 / band), high, 1 / (_PER_PERIOD * band))
+    explained = np.array([0.0, *(echoes.any_phase(delay) for delay in delays.tolist()), 0.0])
+    peaks = np.flatnonzero((explained[1:-1] >= explained[:-2]) & (explained[1:-1] > explained[2:]))
+    best = sorted(peaks.tolist(), key=lambda k: -float(explained[k + 1]))[:_PEAKS]
+    step = 1 / (_PER_CYCLE * float(np.max(frequency)))
+    found = [_near(echoes, float(delays[k]), 1 / (_PER_PERIOD * band), step) for k in best]
+    return tuple(sorted(found, key=lambda one: -one.explained))
 
 
-def _at(delay: float, frequency: Frequencies, slope: Complexes, Q: Reals, r: Complexes) -> LikelyDelay:
-    """Return the echo of a delay that explains most of the residual beside the constants with tangents `Q`."""
-    wave = slope * np.exp(-2j * np.pi * frequency * delay)
-    columns = np.stack([np.concatenate([one.real, one.imag]) for one in (wave, 1j * wave)], axis=1)
-    own = columns - Q @ (Q.T @ columns)
-    if float(np.linalg.norm(own)) < _LEAST * float(np.linalg.norm(columns)):
-        return LikelyDelay(delay, 0.0, 0.0)
-    rest = np.concatenate([r.real, r.imag])
-    a, *_ = np.linalg.lstsq(own, -rest, rcond=None)
-    return LikelyDelay(delay, float(np.linalg.norm(a)), float(np.sum((own @ a) ** 2)))
+def _near(echoes: "_Echoes", delay: float, width: float, step: float) -> LikelyDelay:
+    """Return the best echo within `width` of a delay."""
+    tried = np.arange(max(step, delay - width), delay + width, step)
+    return max((echoes.at(own) for own in tried.tolist()), key=lambda one: one.explained)
+
+
+@dataclass(frozen=True, eq=False)
+class _Echoes:
+    """Echoes to first order beside the constants."""
+
+    frequency: Frequencies
+    slope: Complexes
+    """d ln Z / d correction, shape (N,)."""
+    Q: Reals
+    """Orthonormal changes of ln Z by the constants, shape (2N, P)."""
+    r: Reals
+    """ln(Z_model/Z), real and imaginary parts, shape (2N,)."""
+
+    def any_phase(self, delay: float) -> float:
+        """Return the squared ln Z that an echo of any amplitude and phase explains."""
+        own = self._beside(delay, (1.0, 1j))
+        a, *_ = np.linalg.lstsq(own, self.r, rcond=None)
+        return float(np.sum((own @ a) ** 2))
+
+    def at(self, delay: float) -> LikelyDelay:
+        """Return the echo of a delay from a medium that ends free: its first order is -2 exp(-j w delay)."""
+        own = self._beside(delay, (-1.0,))[:, 0]
+        power = float(own @ own)
+        amplitude = max(0.0, -float(own @ self.r) / power) if power > 0 else 0.0
+        return LikelyDelay(delay, amplitude, amplitude**2 * power)
+
+    def _beside(self, delay: float, phases: tuple[complex, ...]) -> Reals:
+        wave = self.slope * np.exp(-2j * np.pi * self.frequency * delay)
+        columns = np.stack([np.concatenate([(c * wave).real, (c * wave).imag]) for c in phases], axis=1)
+        return columns - self.Q @ (self.Q.T @ columns)
 
 
 def _linearised(

@@ -10,13 +10,16 @@ from relaxing_disk import F, recorded, relaxing
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.files.builds.effects_writing import append_effects
 from pzctl.fitters.diagnosis.diagnose import diagnose
-from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
-from pzctl.fitters.diagnosis.hypotheses.problem import Problem
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
+from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
+from pzctl.fitters.diagnosis.learning.delays import likely_delays
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
-from pzctl.models.effects import Device
-from pzctl.models.stack import Piezo
+from pzctl.models.effects import Device, Effect, find_effect
+from pzctl.models.effects.learned.corrections import Place
+from pzctl.models.effects.learned.learned import learned_law
+from pzctl.models.stack import Piezo, Stack
 
 
 def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
@@ -49,6 +52,32 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
     assert fit.chi2_per_dof < 0.02 * diagnosis.baseline.chi2_per_dof
     name = next(name for name in fit.constants if name.startswith("learned@layer:disk") and name.endswith(".at"))
     assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
+
+
+def _candidate(effect: Effect, where: str, stack: Stack) -> Candidate:
+    return Candidate(effect, where, ("disk",), effect.effect_parameters(stack, where))
+
+
+def test_beside_a_law_no_formula_of_an_effect_may_err(bare: Device) -> None:
+    """Smooth errors of a formula, of 10 % and more, would absorb what the law describes."""
+    problem = Problem.of(solve(recorded(bare.bare.impedance(F)), lambda _: None), None)
+    place = Place("layer:disk", "permittivity")
+    law = _candidate(learned_law(place, "power", bare.bare), place.where, bare.bare)
+    lead = _candidate(find_effect("series-resistance"), "terminals", bare.bare)
+    assert list(marginal_of(problem, (lead,), problem.values).shapes) == [lead.prefix]
+    assert not marginal_of(problem, (lead, law), problem.values).shapes
+    assert not marginal_of(problem, (law,), problem.values).shapes
+
+
+def test_the_delay_of_an_echo_is_read_from_the_residual(bare: Device) -> None:
+    """Twelve periods of the echo are in the band: no smooth correction follows them."""
+    delay, place = 2e-6, Place("face:front", "impedance")
+    echo = learned_law(place, "echo", bare.bare)
+    device = bare.with_effect(echo, place.where, {"size": 0.02 * echo.natural, "delay": delay, "echo": 0.3})
+    problem = Problem.of(solve(recorded(device.impedance(F)), lambda _: None), None)
+    null = fitted(problem, (), problem.values, near=True)
+    likely = likely_delays(null, place, ("disk",), 1e-7, 1e-5)
+    assert likely[0].delay == pytest.approx(delay, abs=1 / (4 * F[-1])), "within a quarter of a period"
 
 
 def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:

@@ -1,5 +1,7 @@
 """Learned corrections: they act at their places, their laws are passive, and the simplest equal catalogue effects."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,10 +9,11 @@ from hypothesis import strategies as st
 
 from pzctl.models.base.errors import PzctlError
 from pzctl.models.effects import Device, find_effect
+from pzctl.models.effects.base.modified_loads import FiniteBackingLoad
 from pzctl.models.effects.base.scale import resonance
 from pzctl.models.effects.learned.corrections import CONSTANTS, Place, places
 from pzctl.models.effects.learned.laws import Law, laws
-from pzctl.models.effects.learned.learned import learned_law
+from pzctl.models.effects.learned.learned import LearnedLaw, find_law, learned_law
 from pzctl.models.effects.learned.smooth_correction import SmoothCorrection, causal_basis
 from pzctl.models.stack import AIR, Elastic, HalfSpace, Piezo
 
@@ -91,6 +94,24 @@ def test_the_simplest_laws_at_the_terminals_equal_catalogue_effects(quantity, la
     found = Device(GLUED).with_effect(learned, "terminals", {"size": size}).impedance(F)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert learned.reference == resonance(GLUED)
+
+
+def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length() -> None:
+    echo, delay = 0.3, 1.7e-6
+    learned = learned_law(Place("face:back", "load"), "echo", GLUED)
+    found = Device(GLUED).with_effect(learned, "face:back", {"size": echo, "delay": delay}).impedance(F)
+    finite = FiniteBackingLoad(GLUED.back, strength=echo, delay=delay, decay=0.0, reference=1e6, loss=0.0)
+    np.testing.assert_allclose(found, replace(GLUED, back=finite).impedance(F), rtol=1e-9)
+    in_air = replace(GLUED, back=AIR)
+    assert Place("face:back", "load") not in places(in_air), "a face in air has no load for an echo to run in"
+
+
+def test_a_relaxation_is_looked_for_within_the_recorded_band() -> None:
+    place = Place("layer:disk", "permittivity")
+    effect = LearnedLaw(place, find_law(place, "debye"), GLUED, band=BAND)
+    (at,) = (knob for knob in effect.effect_parameters(GLUED, place.where) if knob.name == "at")
+    assert (at.lower, at.upper) == BAND
+    assert BAND[0] < at.null < BAND[1]
 
 
 def test_an_unknown_law_is_one_sentence() -> None:
