@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
+from scipy.linalg import cho_solve
 
 from ....models.base.arrays import Complexes, Reals
 from ...error_model.error_columns import WeakLine, line_columns
@@ -83,36 +84,32 @@ class _Residual:
         if not trials:
             return [], self._evidence([])
         found: list[WeakLine] = []
-        white = self.kernel.white(self._columns(trials))
-        lengths = white.pairs()
+        beside = _Beside.of(self)
+        scan = beside.scanned(self.kernel.white(self._columns(trials)))
         width = self._width()
         price = 0.0
         for _ in range(LINES):
-            there = self._joined(found)
-            seen = self.kernel.white(
-                [np.concatenate([E, r[:, None]], axis=1) for E, r in zip(there, self.r, strict=True)]
-            )
-            cross = seen.times(white)
-            gains = self._gains(seen.squared(), cross, lengths)
+            gains = scan.gains
             best = int(np.argmax(gains - [log(line.q) for line in trials]))
             cost = log(trials[best].q * width / _EXPECTED * np.sqrt(max(1.0, 2 * gains[best])))
             if gains[best] < cost:
                 break
-            found.append(self._refined(trials[best], seen))
+            line = self._refined(trials[best], beside)
+            found.append(line)
             price += cost
+            scan.reduce(beside.add(self.kernel.white(self._columns([line]))))
         return found, self._evidence(found) - price
 
-    def _refined(self, line: WeakLine, seen: WhitenedColumns) -> WeakLine:
+    def _refined(self, line: WeakLine, beside: "_Beside") -> WeakLine:
         """Return the line at the frequency and with the Q nearby that raise the evidence most."""
-        G, apart, steeper = seen.squared(), _SPACING / 2, 2.0**0.5
+        apart, steeper = _SPACING / 2, 2.0**0.5
         for _ in range(_REFINEMENTS):
             near = [
                 WeakLine(self.step, line.frequency * (1 + shift * apart / line.q), line.q * stretch)
                 for shift in (-1.0, 0.0, 1.0)
                 for stretch in (1 / steeper, 1.0, steeper)
             ]
-            white = self.kernel.white(self._columns(near))
-            gains = self._gains(G, seen.times(white), white.pairs())
+            gains = beside.scanned(self.kernel.white(self._columns(near))).gains
             line = near[int(np.argmax(gains))]
             apart, steeper = apart / 1.6, steeper**0.7
         return line
@@ -147,7 +144,21 @@ class _Residual:
         more = self._columns(found)
         return [np.concatenate([E, W], axis=1) for E, W in zip(self.beside, more, strict=True)]
 
-    def _system(self, G: Reals) -> tuple[Reals, Reals]:
+    def _evidence(self, found: Sequence[WeakLine]) -> float:
+        G = self.seen(found).squared()
+        A, g = self.system(G)
+        unit = np.sqrt(np.maximum(np.diag(A), 1e-300))
+        S = A / unit / unit[:, None] + 1e-11 * np.eye(len(A))
+        _, log_det = np.linalg.slogdet(S)
+        fall = float((g / unit) @ np.linalg.solve(S, g / unit))
+        return -0.5 * (float(G[-1, -1]) - fall + log_det + 2 * float(np.sum(np.log(unit))) + self.log_K)
+
+    def seen(self, found: Sequence[WeakLine]) -> WhitenedColumns:
+        """Return what can be absorbed, these lines, and the residual last, whitened."""
+        there = self._joined(found)
+        return self.kernel.white([np.concatenate([E, r[:, None]], axis=1) for E, r in zip(there, self.r, strict=True)])
+
+    def system(self, G: Reals) -> tuple[Reals, Reals]:
         """Return the precision of all that is present, and minus the gradient, from products with the residual last."""
         count = len(G) - 1
         A, g = G[:-1, :-1].copy(), G[:-1, -1].copy()
@@ -157,31 +168,111 @@ class _Residual:
         A[range(known, count), range(known, count)] += 1.0
         return A, g
 
-    def _gains(self, G: Reals, cross: Reals, lengths: Reals) -> Reals:
-        """Return the increase of ln evidence by each trial, shape (T,)."""
-        A, g = self._system(G)
-        unit = np.sqrt(np.maximum(np.diag(A), 1e-300))
-        solved = np.linalg.solve(
-            A / unit / unit[:, None] + 1e-11 * np.eye(len(A)), np.column_stack([cross[:-1], g]) / unit[:, None]
-        )
-        right = cross[:-1] / unit[:, None]
-        b = (cross[-1] - right.T @ solved[:, -1]).reshape(-1, 2)
-        first, second = right[:, 0::2], right[:, 1::2]
-        s1, s2 = solved[:, :-1][:, 0::2], solved[:, :-1][:, 1::2]
-        a11 = 1 + lengths[:, 0] - np.sum(first * s1, axis=0)
-        a22 = 1 + lengths[:, 1] - np.sum(second * s2, axis=0)
-        a12 = lengths[:, 2] - np.sum(first * s2, axis=0)
-        det = np.maximum(a11 * a22 - a12**2, 1e-12)
-        quadratic = (a22 * b[:, 0] ** 2 - 2 * a12 * b[:, 0] * b[:, 1] + a11 * b[:, 1] ** 2) / det
-        return np.asarray(0.5 * quadratic - 0.5 * np.log(det), np.float64)
 
-    def _evidence(self, found: Sequence[WeakLine]) -> float:
-        there = self._joined(found)
-        seen = self.kernel.white([np.concatenate([E, r[:, None]], axis=1) for E, r in zip(there, self.r, strict=True)])
-        G = seen.squared()
-        A, g = self._system(G)
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """A line that was found, without what everything found before it absorbs."""
+
+    white: WhitenedColumns
+    cross: Reals
+    """Products with what can be absorbed, shape (E, 2)."""
+    precision: Reals
+    """Shape (2, 2)."""
+    pull: Reals
+    """Product with the residual, shape (2,)."""
+    along: tuple[Reals, ...]
+    """Products with the lines found before it, each of shape (2, 2)."""
+
+
+@dataclass(eq=False)
+class _Beside:
+    """What can be absorbed beside a new line: the errors and derivatives of a fit, and the lines found so far.
+
+    Every product with a new line is reduced by them one after the other (block Cholesky), so that nothing is computed
+    again when a line is added.
+    """
+
+    seen: WhitenedColumns
+    unit: Reals
+    factor: Reals
+    x: Reals
+    """Solution for the residual, shape (E,)."""
+    lines: list[_Line]
+
+    @classmethod
+    def of(cls, residual: _Residual) -> "_Beside":
+        """Return what a residual has beside lines."""
+        seen = residual.seen([])
+        A, g = residual.system(seen.squared())
         unit = np.sqrt(np.maximum(np.diag(A), 1e-300))
-        S = A / unit / unit[:, None] + 1e-11 * np.eye(len(A))
-        _, log_det = np.linalg.slogdet(S)
-        fall = float((g / unit) @ np.linalg.solve(S, g / unit))
-        return -0.5 * (float(G[-1, -1]) - fall + log_det + 2 * float(np.sum(np.log(unit))) + self.log_K)
+        factor = np.linalg.cholesky(A / unit / unit[:, None] + 1e-11 * np.eye(len(A)))
+        found = cls(seen, unit, factor, np.zeros(0), [])
+        found.x = found._solved(g[:, None])[:, 0]
+        return found
+
+    def _solved(self, right: Reals) -> Reals:
+        return np.asarray(cho_solve((self.factor, True), right / self.unit[:, None]) / self.unit[:, None], np.float64)
+
+    def scanned(self, white: WhitenedColumns) -> "_Scan":
+        """Return trial lines, two columns each, without what is absorbed."""
+        products = self.seen.times(white)
+        cross = products[:-1]
+        solved = self._solved(cross)
+        lengths = white.pairs()
+        first, second = slice(0, None, 2), slice(1, None, 2)
+        scan = _Scan(
+            white,
+            cross,
+            (products[-1] - cross.T @ self.x).reshape(-1, 2),
+            1 + lengths[:, 0] - np.sum(cross[:, first] * solved[:, first], axis=0),
+            1 + lengths[:, 1] - np.sum(cross[:, second] * solved[:, second], axis=0),
+            lengths[:, 2] - np.sum(cross[:, first] * solved[:, second], axis=0),
+            solved,
+            [],
+        )
+        for line in self.lines:
+            scan.reduce(line)
+        return scan
+
+    def add(self, white: WhitenedColumns) -> _Line:
+        """Add a line, which is what is absorbed from now on."""
+        scan = self.scanned(white)
+        precision = np.array([[scan.a11[0], scan.a12[0]], [scan.a12[0], scan.a22[0]]])
+        self.lines.append(_Line(white, scan.cross, precision, scan.b[0], tuple(own for _, own in scan.along)))
+        return self.lines[-1]
+
+
+@dataclass(eq=False)
+class _Scan:
+    """Trial lines: precision and pull of both columns of each, without what is absorbed."""
+
+    white: WhitenedColumns
+    cross: Reals
+    b: Reals
+    a11: Reals
+    a22: Reals
+    a12: Reals
+    solved: Reals
+    along: list[tuple[_Line, Reals]]
+    """Lines by which it was reduced, with their products with the trials, shape (2, 2T)."""
+
+    def reduce(self, line: _Line) -> None:
+        """Remove what a line absorbs."""
+        product = line.white.times(self.white) - line.cross.T @ self.solved
+        for (before, its), own in zip(self.along, line.along, strict=True):
+            product -= own.T @ np.linalg.solve(before.precision, its)
+        weighted = np.linalg.solve(line.precision, product)
+        first, second = slice(0, None, 2), slice(1, None, 2)
+        self.a11 = self.a11 - np.sum(product[:, first] * weighted[:, first], axis=0)
+        self.a22 = self.a22 - np.sum(product[:, second] * weighted[:, second], axis=0)
+        self.a12 = self.a12 - np.sum(product[:, first] * weighted[:, second], axis=0)
+        self.b = self.b - (line.pull @ weighted).reshape(-1, 2)
+        self.along.append((line, product))
+
+    @property
+    def gains(self) -> Reals:
+        """Increase of ln evidence by each trial, shape (T,)."""
+        det = np.maximum(self.a11 * self.a22 - self.a12**2, 1e-12)
+        b = self.b
+        quadratic = (self.a22 * b[:, 0] ** 2 - 2 * self.a12 * b[:, 0] * b[:, 1] + self.a11 * b[:, 1] ** 2) / det
+        return np.asarray(0.5 * quadratic - 0.5 * np.log(det), np.float64)
