@@ -205,7 +205,7 @@ class _Beside:
         seen = residual.seen([])
         A, g = residual.system(seen.squared())
         unit = np.sqrt(np.maximum(np.diag(A), 1e-300))
-        factor = np.linalg.cholesky(A / unit / unit[:, None] + 1e-11 * np.eye(len(A)))
+        factor = np.asarray(np.linalg.cholesky(A / unit / unit[:, None] + 1e-11 * np.eye(len(A))), np.float64)
         found = cls(seen, unit, factor, np.zeros(0), [])
         found.x = found._solved(g[:, None])[:, 0]
         return found
