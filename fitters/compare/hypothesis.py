@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from math import log
+from typing import Any
 
 import numpy as np
 
@@ -115,9 +116,9 @@ class Hypothesis:
                 made.append(change.act(seen, own or change.resonances, frequency, self.values(x, k)))
         return made
 
-    def _over_frequency(self, x: Reals, k: int) -> Mapping[str, float | Complexes]:
-        """Return the sizes of change `k`, the main one with the error of its formula."""
-        values: dict[str, float | Complexes] = dict(self.values(x, k))
+    def _over_frequency(self, x: Reals, k: int) -> Mapping[str, Any]:
+        """Return the sizes of change `k`, the main one with the error of its formula: complex, shape (N,)."""
+        values: dict[str, Any] = dict(self.values(x, k))
         if self.formula is not None and _exact(self.changes[k]):
             main = self.changes[k].sizes[0].name
             values[main] = values[main] * np.exp(self.formula.curves[:, self._sized.index(k)])

@@ -8,7 +8,6 @@ than its grid, and such poles do not drift as resonances do. Poles that do not p
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ...models.base.arrays import Complexes, Reals
 from ..diagnosis.data_quality.pole_fit import MOST_POLES, Frame, PoleFit, linear_fit, refined, stacked
@@ -26,8 +25,8 @@ strength, and its width hardly matters."""
 
 def vector_fitted(frame: Frame, start: Complexes | None = None) -> PoleFit:
     """Return the poles that a recording justifies; the search begins at those in `start` as well."""
-    low, high = frame.s[0].imag / _BEYOND, frame.s[-1].imag * _BEYOND
-    places = np.geomspace(low, high, _START)
+    low, high = float(frame.s[0].imag) / _BEYOND, float(frame.s[-1].imag) * _BEYOND
+    places: Reals = low * (high / low) ** (np.arange(_START) / (_START - 1))
     poles: Complexes = np.asarray(places * (1j - _WIDTH), np.complex128)
     if start is not None and start.size:
         poles = np.concatenate([start, _apart(poles, start)])
@@ -60,8 +59,10 @@ def relocated(frame: Frame, poles: Complexes) -> Complexes:
     q, _ = np.linalg.qr(known / np.where(scale > 0, scale, 1.0))
     sigma, aim = sigma - q @ (q.T @ sigma), aim - q @ (q.T @ aim)
     c = np.linalg.lstsq(sigma, aim, rcond=1e-12)[0] * np.repeat(width, 2)
-    blocks = block_diag(*[[[p.real, p.imag], [-p.imag, p.real]] for p in poles])
-    zeros = np.linalg.eigvals(blocks - np.outer(np.tile([2.0, 0.0], poles.size), c))
+    blocks = np.diag(np.repeat(poles.real, 2))
+    upper, lower = np.arange(0, 2 * poles.size, 2), np.arange(1, 2 * poles.size, 2)
+    blocks[upper, lower], blocks[lower, upper] = poles.imag, -poles.imag
+    zeros = np.asarray(np.linalg.eigvals(blocks - np.outer(np.tile([2.0, 0.0], poles.size), c)), np.complex128)
     return _stable(frame, np.asarray(zeros[zeros.imag > 0], np.complex128))
 
 
