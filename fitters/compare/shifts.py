@@ -19,7 +19,9 @@ def resonance_shifts(pair: Pair, before: PoleFit, after: PoleFit) -> tuple[Reson
     first, second = (_told(fit, pair, Z) for fit, Z in ((before, pair.before), (after, pair.after)))
     made: list[ResonanceShift] = []
     taken: set[int] = set()
-    for k, p in enumerate(first[0]):
+    strengths: Reals = np.abs(first[1] / first[0].real)
+    for k in sorted(range(strengths.size), key=lambda k: -strengths[k]):  # the strongest choose first
+        p = first[0][k]
         free = [j for j in range(second[0].size) if j not in taken]
         if not free:
             break
@@ -31,7 +33,7 @@ def resonance_shifts(pair: Pair, before: PoleFit, after: PoleFit) -> tuple[Reson
         one = _shift((p, first[1][k], first[2][k]), (other, second[1][j], second[2][j]))
         if 2 * one.q * one.u_shift < _KNOWN:
             made.append(one)
-    return tuple(made)
+    return tuple(sorted(made, key=lambda one: one.frequency_Hz))
 
 
 def _told(fit: PoleFit, pair: Pair, Z: Impedances) -> tuple[Complexes, Complexes, Reals]:
