@@ -84,11 +84,12 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
     """Return the answer."""
     pair, nothing = errors.pair, searched.nothing
     alike = _class(searched, errors)
-    best = _probable(errors, searched, _substantial(searched, _simplest(searched, alike), errors), alike)
+    whole = _simplest(searched, alike)
+    best = _probable(errors, searched, _substantial(searched, whole, errors), alike)
     told = _told(searched, best, alike, pair)
     verdict, named = told.verdict, nothing if told.verdict in ("unchanged", "unexplained") else best
     held = _held_out(pair.frequency.size)
-    findings = _findings(errors, searched, best, (alike, held)) if best.hypothesis.changes else ()
+    findings = _findings(errors, searched, (best, whole), (alike, held)) if best.hypothesis.changes else ()
     remarks: tuple[ChangeFinding, ...] = ()
     if verdict == "explained" and all(_usual(errors, named, k) for k in range(len(named.hypothesis.changes))):
         verdict, named = "unchanged", nothing
@@ -239,9 +240,16 @@ def _difference(errors: PairErrors, best: Fitted, one: Fitted) -> float:
 
 
 def _findings(
-    errors: PairErrors, searched: Searched, named: Fitted, known: tuple[Sequence[int], Sequence[tuple[int, int]]]
+    errors: PairErrors,
+    searched: Searched,
+    fits: tuple[Fitted, Fitted],
+    known: tuple[Sequence[int], Sequence[tuple[int, int]]],
 ) -> tuple[ChangeFinding, ...]:
-    """Return the findings; `known` are the look-alike hypotheses and the held-out points."""
+    """Return the findings; `known` are the look-alike hypotheses and the held-out points.
+
+    `fits`: the explanation that is named, and that with what is negligible beside it, which has the better sizes.
+    """
+    named, whole = fits
     chances = searched.probabilities()
     alike, held = known
     made: list[ChangeFinding] = []
@@ -258,7 +266,7 @@ def _findings(
                 step=change.found.described.step if isinstance(change, ModelChange) else "",
                 probability=_probability(searched, chances, change, alike),
                 bands_Hz=_bands(errors.pair, ratio),
-                parameters=_sizes(named, k),
+                parameters=_sizes(whole, whole.hypothesis.changes.index(change)),
                 chi2_per_dof_before=_chi2(errors, without, sizes),
                 chi2_per_dof_after=_chi2(errors, named, sizes),
                 held_out_before=held_out_chi2(without, held, sizes),
