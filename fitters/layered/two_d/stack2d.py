@@ -7,9 +7,6 @@ ceramic's losses nor the layers' constants need to compensate for them.
 import time
 from collections.abc import Callable
 
-from ...disk.planar_result import PLANAR_UNITS
-from ...engine.fitted_model import FittedModel
-from ...engine.parameters.assembly import UNITS, stack_of
 from ...interface import FitResult, FitTask
 from .stack_problem import NAME, problem_of
 from .stack_result import stack_result
@@ -32,10 +29,3 @@ class Stack2DFitter:
         began = time.perf_counter()
         found = fitted_stack(problem_of(task), progress)
         return stack_result(found, self.version, time.perf_counter() - began)
-
-    def fitted_model(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FittedModel:
-        """Return the fitted stack, for a diagnosis. Raises FitError as `fit` does."""
-        found = fitted_stack(problem_of(task), progress)
-        last = list(found.problem.sweeps)[-1]
-        build = found.problem.build
-        return FittedModel(found.descent, stack_of(build, build.step(last)), {**UNITS, **PLANAR_UNITS})
