@@ -7,6 +7,7 @@ import numpy as np
 
 from ....models.base.errors import PzctlError
 from ....models.effects.learned.laws import laws
+from ...error_model.error_sizes import ErrorSizes
 from ..decision_rules import LEFT, NAMED
 from ..findings import Alternative
 from ..hypotheses.hypothesis import Hypothesis, fitted
@@ -112,7 +113,8 @@ class Learning:
         places: dict[Hypothesis, tuple[PlacedCorrection, ...]] = {}
         for one in different:
             parent = self._alone(one)
-            places[parent] = placed_corrections(self.problem, parent, self.progress, self.jobs)
+            start = self._plain(parent) if conclusion.something_left else parent
+            places[parent] = placed_corrections(self.problem, start, self.progress, self.jobs)
             explanations.append(_Explanation(parent, None, parent))
             for placed in [place for place in places[parent] if place.probability > (1 - NAMED) / 2][:_TRIED]:
                 made = learned_laws(self.problem, parent, placed, self.progress)
@@ -132,6 +134,14 @@ class Learning:
             for near in ((True, False) if one.fit.sizes.shape > 0 else (True,))
         ]
         return max(made, key=lambda hypothesis: hypothesis.log_evidence)
+
+    def _plain(self, one: Hypothesis) -> Hypothesis:
+        """Return a hypothesis at the minimum of plain least squares, from which places are looked for.
+
+        Where much is left, the errors of the model have absorbed it at the minimum of the marginal likelihood, and no
+        place explains more than they do to first order.
+        """
+        return fitted(self.problem, one.effects, one.values, (ErrorSizes(),), near=False, rounds=0)
 
     def _final(self, choice: _Choice) -> Hypothesis:
         """Return the best explanation, with smooth errors of the constants if it is better with them."""
