@@ -85,13 +85,17 @@ _Start = tuple[Mapping[str, float], dict[str, float]]
 def _fitted(
     problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[_Start], placed: PlacedCorrection
 ) -> Hypothesis | None:
-    """Return the best fit of a law."""
+    """Return the best fit of a law.
+
+    Each is fitted again from its own end, because its evidence counts only where the errors are linearised.
+    """
     made: list[Hypothesis] = []
     effects = (*parent.effects, one)
     for values, start in starts:
         for own in dict.fromkeys((placed.hypothesis.fit.sizes, parent.fit.sizes)):
             try:
-                made.append(fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False))
+                once = fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False)
+                made.append(fitted(problem, effects, once.values, (once.fit.sizes,), near=True, rounds=1, tau=False))
             except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
                 continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)

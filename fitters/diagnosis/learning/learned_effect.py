@@ -20,7 +20,9 @@ from .places import PlacedCorrection, placed_corrections
 _SAID = 0.01
 """Smallest probability at which an alternative is mentioned."""
 _TRIED = 2
-"""Budget: number of places at which laws are fitted."""
+"""Number of places at which laws are fitted where much is left: a smooth correction can do more than the right law."""
+_AS_LIKELY = 0.5
+"""Probability relative to the likeliest place from which laws are fitted at a place in any case."""
 _PARENTS = 4
 """Budget: number of sets of catalogue effects beside which laws are fitted."""
 _LAWS = 2
@@ -108,15 +110,17 @@ class Learning:
         self, conclusion: Conclusion, parents: Sequence[Hypothesis]
     ) -> tuple[Conclusion, tuple[PlacedCorrection, ...]]:
         """Return the conclusion with one more law, if one is more probable than none."""
-        different = list({one.key: one for one in reversed(parents)}.values())[::-1][:_PARENTS]
+        different: dict[frozenset[Candidate], Hypothesis] = {}
+        for one in parents:
+            different.setdefault(one.key, one)
         explanations: list[_Explanation] = []
         places: dict[Hypothesis, tuple[PlacedCorrection, ...]] = {}
-        for one in different:
+        for one in list(different.values())[:_PARENTS]:
             parent = self._alone(one)
             start = self._plain(parent) if conclusion.something_left else parent
             places[parent] = placed_corrections(self.problem, start, self.progress, self.jobs)
             explanations.append(_Explanation(parent, None, parent))
-            for placed in [place for place in places[parent] if place.probability > (1 - NAMED) / 2][:_TRIED]:
+            for placed in _likely(places[parent], _TRIED if conclusion.something_left else 1):
                 made = learned_laws(self.problem, parent, placed, self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made]
         choice = _chosen(explanations)
@@ -151,6 +155,14 @@ class Learning:
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return best
         return max(best, made, key=lambda hypothesis: hypothesis.log_evidence)
+
+
+def _likely(places: Sequence[PlacedCorrection], least: int) -> list[PlacedCorrection]:
+    """Return the places at which a law is looked for: none, if it is likely that the misfit has no place."""
+    if sum(one.probability for one in places) < NAMED:
+        return []
+    best = max(one.probability for one in places)
+    return [one for k, one in enumerate(places) if k < least or one.probability >= _AS_LIKELY * best]
 
 
 def _chosen(explanations: Sequence[_Explanation]) -> _Choice | None:
