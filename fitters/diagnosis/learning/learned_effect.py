@@ -20,9 +20,9 @@ from .places import PlacedCorrection, placed_corrections
 _SAID = 0.01
 """Smallest probability at which an alternative is mentioned."""
 _TRIED = 2
-"""Number of places at which laws are fitted where much is left: a smooth correction can do more than the right law."""
+"""Budget: number of places at which laws are fitted, beside those that are as likely."""
 _AS_LIKELY = 0.5
-"""Probability relative to the likeliest place from which laws are fitted at a place in any case."""
+"""Probability relative to the likeliest place from which a place counts as likely as it."""
 _PARENTS = 4
 """Budget: number of sets of catalogue effects beside which laws are fitted."""
 _LAWS = 2
@@ -120,7 +120,7 @@ class Learning:
             start = self._plain(parent) if conclusion.something_left else parent
             places[parent] = placed_corrections(self.problem, start, self.progress, self.jobs)
             explanations.append(_Explanation(parent, None, parent))
-            for placed in _likely(places[parent], _TRIED if conclusion.something_left else 1):
+            for placed in _likely(places[parent]):
                 made = learned_laws(self.problem, parent, placed, self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made]
         choice = _chosen(explanations)
@@ -157,12 +157,16 @@ class Learning:
         return max(best, made, key=lambda hypothesis: hypothesis.log_evidence)
 
 
-def _likely(places: Sequence[PlacedCorrection], least: int) -> list[PlacedCorrection]:
-    """Return the places at which a law is looked for: none, if it is likely that the misfit has no place."""
+def _likely(places: Sequence[PlacedCorrection]) -> list[PlacedCorrection]:
+    """Return the places at which a law is looked for: none, if it is likely that the misfit has no place.
+
+    A smooth correction can do more than the right law, so the law is looked for at the second place as well.
+    """
     if sum(one.probability for one in places) < NAMED:
         return []
     best = max(one.probability for one in places)
-    return [one for k, one in enumerate(places) if k < least or one.probability >= _AS_LIKELY * best]
+    said = [one for one in places if one.probability > _SAID]
+    return [one for k, one in enumerate(said) if k < _TRIED or one.probability >= _AS_LIKELY * best]
 
 
 def _chosen(explanations: Sequence[_Explanation]) -> _Choice | None:
