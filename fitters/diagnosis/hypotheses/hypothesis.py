@@ -95,17 +95,18 @@ def fitted(
     fast: bool = True,
     tau: bool = True,
     shape: bool = True,
+    fixed: bool = False,
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
     `fast`, `tau`, `shape`: whether fast errors of the instrument and smooth ones of all constants and of the effects'
-    formulas are allowed.
+    formulas are allowed. `fixed`: whether errors have the sizes of the first start.
     """
     marginal = marginal_of(problem, effects, values)
     x = marginal.objective.coordinates.x
     if not near:
         x = plain(marginal, x)
-    return _weighed(effects, fit(marginal, x, starts, rounds, fast=fast, tau=tau, shape=shape))
+    return _weighed(effects, fit(marginal, x, starts, rounds, fixed, fast, tau, shape))
 
 
 def at_minimum(

@@ -43,6 +43,8 @@ class _Plan:
     sizes: tuple[ErrorSizes, ...]
     near: bool = False
     rounds: int = 3
+    fixed: bool = False
+    """Whether errors have the first of these sizes."""
 
 
 @dataclass(eq=False)
@@ -218,7 +220,14 @@ class GreedySearch:
         sizes = (*plan.sizes, self.found[frozenset()].fit.sizes)
         try:
             return fitted(
-                self.problem, plan.effects, plan.values, sizes, near=plan.near, rounds=plan.rounds, fast=self._fast
+                self.problem,
+                plan.effects,
+                plan.values,
+                sizes,
+                near=plan.near,
+                rounds=plan.rounds,
+                fast=self._fast,
+                fixed=plan.fixed,
             )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return None
@@ -245,6 +254,8 @@ class GreedySearch:
                 break
             self._fine.update(one.key for one in again)
             self._fit([_Plan(one.effects, one.values, _restart(one), near=True, rounds=4) for one in again])
+        if self._may_be_exact(self.best):
+            self._fit([_Plan(self.best.effects, self.best.values, (ErrorSizes(),), near=True, fixed=True)])
         for _ in range(UNFINISHED):
             best = self.best
             if best.fit.converged:
@@ -252,6 +263,16 @@ class GreedySearch:
             self._fit([_Plan(best.effects, best.values, _restart(best), near=True, rounds=4)])
             if self.best is best:
                 break
+
+    def _may_be_exact(self, one: Hypothesis) -> bool:
+        """Return whether a fit has errors that it may not need: without any, evidence counts in full."""
+        if one.fit.sizes.exact:
+            return False
+        try:
+            exact = one.fit.gram.value(ErrorSizes()).log_evidence
+        except np.linalg.LinAlgError:
+            return False
+        return exact > one.fit.log_evidence - NEAR
 
     def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
         """Return a hypothesis without one of its effects."""

@@ -11,10 +11,11 @@ F = np.linspace(2e6, 6e6, 201)
 
 
 def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
-    """Return the diagnosis of a disk with a lead (H), recorded with a noise of 1e-6 by an analyzer of this accuracy."""
+    """Return the diagnosis of a disk with a lead (H), recorded with a noise of 1e-6 by an analyzer that errs by its accuracy."""
     noise = np.random.default_rng(1).normal(scale=1e-6, size=(2, F.size))
     Z = pzctl.model(THESIS_BUILD, "disk").impedance(F) + 2j * np.pi * F * inductance
-    sweep = pzctl.Sweep(F, Z * np.exp(noise[0] + 1j * noise[1]), settings={"accuracy": accuracy})
+    gain = accuracy * np.log(F / 3.5e6)
+    sweep = pzctl.Sweep(F, Z * np.exp(gain + noise[0] + 1j * noise[1]), settings={"accuracy": accuracy})
     return pzctl.diagnose(THESIS_BUILD, {"disk": sweep}, effects=["lead-inductance", "series-resistance"])
 
 
