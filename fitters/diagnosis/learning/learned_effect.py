@@ -117,10 +117,9 @@ class Learning:
         places: dict[Hypothesis, tuple[PlacedCorrection, ...]] = {}
         for one in list(different.values())[:_PARENTS]:
             parent = self._alone(one)
-            start = self._plain(parent) if conclusion.something_left else parent
-            places[parent] = placed_corrections(self.problem, start, self.progress, self.jobs)
+            places[parent], least = self._places(parent, conclusion.something_left)
             explanations.append(_Explanation(parent, None, parent))
-            for placed in _likely(places[parent]):
+            for placed in _likely(places[parent], least):
                 made = learned_laws(self.problem, parent, placed, self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made]
         choice = _chosen(explanations)
@@ -138,6 +137,16 @@ class Learning:
             for near in ((True, False) if one.fit.sizes.shape > 0 else (True,))
         ]
         return max(made, key=lambda hypothesis: hypothesis.log_evidence)
+
+    def _places(self, parent: Hypothesis, something_left: bool) -> tuple[tuple[PlacedCorrection, ...], float]:
+        """Return the places of what a hypothesis leaves, and the probability from which one is tried.
+
+        If none is more likely than not, they are looked for again from the minimum of plain least squares.
+        """
+        found = placed_corrections(self.problem, parent, self.progress, self.jobs)
+        if something_left and max((one.probability for one in found), default=0.0) < NAMED:
+            return placed_corrections(self.problem, self._plain(parent), self.progress, self.jobs), _SAID
+        return found, (1 - NAMED) / 2
 
     def _plain(self, one: Hypothesis) -> Hypothesis:
         """Return a hypothesis at the minimum of plain least squares, from which places are looked for.
@@ -157,15 +166,15 @@ class Learning:
         return max(best, made, key=lambda hypothesis: hypothesis.log_evidence)
 
 
-def _likely(places: Sequence[PlacedCorrection]) -> list[PlacedCorrection]:
-    """Return the places at which a law is looked for: none, if it is likely that the misfit has no place.
+def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:
+    """Return the places of at least this probability at which a law is looked for.
 
-    A smooth correction can do more than the right law, so the law is looked for at the second place as well.
+    None, if it is likely that the misfit has no place.
     """
     if sum(one.probability for one in places) < NAMED:
         return []
     best = max(one.probability for one in places)
-    said = [one for one in places if one.probability > _SAID]
+    said = [one for one in places if one.probability > least]
     return [one for k, one in enumerate(said) if k < _TRIED or one.probability >= _AS_LIKELY * best]
 
 
