@@ -11,7 +11,7 @@ F = np.linspace(2e6, 6e6, 201)
 
 
 def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
-    """Return the diagnosis of a disk with a lead (H), recorded with a noise of 1e-6 by an analyzer that errs by its accuracy."""
+    """Return the diagnosis of a disk with a lead (H), by an analyzer that errs by its accuracy with a noise of 1e-6."""
     noise = np.random.default_rng(1).normal(scale=1e-6, size=(2, F.size))
     Z = pzctl.model(THESIS_BUILD, "disk").impedance(F) + 2j * np.pi * F * inductance
     gain = accuracy * np.log(F / 3.5e6)
