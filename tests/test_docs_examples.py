@@ -71,6 +71,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
             shutil.copy(folder / f"S4-{old}.csv", folder / f"{new}.csv")
         shutil.copy(folder / "S4-ml1-2.csv", folder / "ml1-second.csv")
         shutil.copy(folder / "disk.txt", folder / "RB5100.txt")
+        rows = [line for line in (folder / "disk.csv").read_text(encoding="utf-8").splitlines() if line[:1].isdigit()]
+        (folder / "table.txt").write_text("\n".join(" ".join(row.split(",")[:3]) for row in rows), encoding="utf-8")
         bench_command("127.0.0.1", sim.bench_port, command="new-sample", seed=1)
         yield made
         subprocess.run([PZCTL, "daemon", "--stop"], env=made.environment, capture_output=True, check=False)

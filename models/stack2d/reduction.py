@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import jve
 
 from ..base.arrays import Complexes, Frequencies, Reals
-from .section import STATIC, Section
-from .slopes import capacitance
+from .capacitance_slopes import capacitance
+from .section import STATIC, CrossSection
 from .waves import Motion, Sizes, motion
 
 KEPT = 5e-4
@@ -21,7 +21,9 @@ _RADIAL = 10.0
 # Weight of the energy of a motion that is even through the thickness: of waves about a third of a thickness long.
 
 
-def reduced(section: Section, sizes: Sizes, values: Complexes, frequency: Frequencies, kept: float = KEPT) -> Section:
+def reduced(
+    section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies, kept: float = KEPT
+) -> CrossSection:
     """Return the section over the functions that describe these frequencies in Hz, shape (F,).
 
     `values`: constants, shape (F, 11 L + 2), SI. Raises StackError.
@@ -37,7 +39,7 @@ def reduced(section: Section, sizes: Sizes, values: Complexes, frequency: Freque
     return section.projected({"u": u, "w": w, "q": p})
 
 
-def error(section: Section, finer: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> float:
+def error(section: CrossSection, finer: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> float:
     """Return the root mean square relative difference of the capacitances of two sections at frequencies in Hz."""
     ratio = capacitance(section, sizes, values, frequency) / capacitance(finer, sizes, values, frequency)
     return float(np.sqrt(np.mean(np.abs(ratio - 1) ** 2)))
@@ -60,7 +62,7 @@ def _samples(found: Motion) -> dict[str, Complexes]:
     return {name: np.concatenate(parts).T for name, parts in columns.items()}
 
 
-def _energies(section: Section, found: Motion) -> tuple[Reals, Reals, Reals]:
+def _energies(section: CrossSection, found: Motion) -> tuple[Reals, Reals, Reals]:
     """Return the energy of functions of u, w and q at the middle frequency, real symmetric positive."""
     middle = found.capacitance.size // 2
 

@@ -51,7 +51,7 @@ PAIRS = (
 
 
 @dataclass(frozen=True)
-class Term:
+class FormTerm:
     """A term of the form without its matrix."""
 
     constant: int
@@ -68,7 +68,7 @@ class Term:
 class Block:
     """All terms that couple two fields."""
 
-    terms: tuple[Term, ...]
+    terms: tuple[FormTerm, ...]
     matrices: Reals
     """Shape (T, n, m)."""
 
@@ -79,7 +79,7 @@ class Block:
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class CrossSection:
     """Functions of z of a stack, and its form over them."""
 
     blocks: Mapping[tuple[str, str], Block]
@@ -131,7 +131,7 @@ def _projected(blocks: Mapping[tuple[str, str], Block], shapes: Mapping[str, Rea
 def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: list[int], piezo: int) -> Block:
     """Return a block over the nodes of all layers."""
     nodes = ends[-1] + 1
-    terms: list[Term] = []
+    terms: list[FormTerm] = []
     matrices: list[Reals] = []
     for layer, order in enumerate(orders):
         element = LineElements(np.array([0.0, 1.0]), order)
@@ -143,13 +143,13 @@ def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: list[int], piezo:
             matrix = np.zeros((nodes, nodes))
             matrix[at, at] = factor * element.integral(first, second).toarray()
             index = layer * len(LAYER_CONSTANTS) + constant
-            terms.append(Term(index, layer, 1 - first - second, frequency))
+            terms.append(FormTerm(index, layer, 1 - first - second, frequency))
             matrices.append(matrix)
     if pair == ("W", "W"):
         for face, node in enumerate((0, nodes - 1)):
             matrix = np.zeros((nodes, nodes))
             matrix[node, node] = 1.0
-            terms.append(Term(len(orders) * len(LAYER_CONSTANTS) + face, 0, 0, VISCOUS))
+            terms.append(FormTerm(len(orders) * len(LAYER_CONSTANTS) + face, 0, 0, VISCOUS))
             matrices.append(matrix)
     return Block(tuple(terms), np.array(matrices))
 

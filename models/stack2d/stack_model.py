@@ -10,10 +10,10 @@ import numpy as np
 from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
 from ..base.names import require
 from ..stack.laws import StackError, require_positive
+from .capacitance_slopes import capacitance, slopes
 from .layers2d import Ceramic2D, Isotropic, order_of
 from .reduction import KEPT, error, reduced
-from .section import LAYER_CONSTANTS, Section
-from .slopes import capacitance, slopes
+from .section import LAYER_CONSTANTS, CrossSection
 from .waves import Sizes
 
 Layer2D: TypeAlias = Ceramic2D | Isotropic
@@ -34,7 +34,7 @@ class Stack2D:
     """Back to front; one of them is a ceramic."""
     area: float
     """m2."""
-    section: Section
+    section: CrossSection
     """Functions of z of these layers, from `full_section` or `with_reduced_section`."""
     back: float = 0.0
     """Specific acoustic impedance behind, Rayl."""
@@ -103,7 +103,7 @@ class Stack2D:
         return 1 / (j_omega(frequency) * found.capacitance), made.reshape(len(names), frequency.size)
 
 
-def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> Section:
+def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> CrossSection:
     """Return the section of these layers up to a frequency in Hz; `finer`: further degrees of every layer.
 
     Raises StackError unless exactly one of the layers is a ceramic.
@@ -112,7 +112,7 @@ def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> S
     if len(ceramics) != 1:
         raise StackError(f"stack: {len(ceramics)} of its layers are piezoelectric; exactly one is allowed")
     orders = [order_of(layer.thickness, layer.shear_speed, highest) + finer for layer in layers]
-    return Section.of(orders, ceramics[0])
+    return CrossSection.of(orders, ceramics[0])
 
 
 def with_reduced_section(

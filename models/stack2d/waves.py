@@ -14,7 +14,7 @@ from scipy.special import jve
 
 from ..base.arrays import Complexes, Frequencies
 from ..stack.laws import StackError
-from .section import PAIRS, PERMITTIVITY, STIFFNESS, UNITS, Section
+from .section import PAIRS, PERMITTIVITY, STIFFNESS, UNITS, CrossSection
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Motion:
     """Radius over the unit of length."""
 
 
-def _factors(section: Section, sizes: Sizes, frequency: Frequencies) -> dict[tuple[str, str], Complexes]:
+def _factors(section: CrossSection, sizes: Sizes, frequency: Frequencies) -> dict[tuple[str, str], Complexes]:
     """Return the weight of each term over the value of its constant in SI units, shape (F, T)."""
     w, unit = 2 * np.pi * frequency, sizes.unit
     units = np.append(np.tile(UNITS, section.layers), [STIFFNESS, STIFFNESS])
@@ -71,7 +71,7 @@ def _factors(section: Section, sizes: Sizes, frequency: Frequencies) -> dict[tup
     return factors
 
 
-def motion(section: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Motion:
+def motion(section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Motion:
     """Return the motion at frequencies in Hz, shape (F,), for constants of shape (F, 11 L + 2), SI.
 
     Raises StackError for constants that are not finite.

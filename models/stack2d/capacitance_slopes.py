@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
-from .section import INERTIAL, LAYER_CONSTANTS, PERMITTIVITY, VISCOUS, Section
+from .section import INERTIAL, LAYER_CONSTANTS, PERMITTIVITY, VISCOUS, CrossSection
 from .waves import Motion, Sizes, motion
 
 _ALIKE = 1e-5
@@ -22,7 +22,7 @@ _OF_FREQUENCY = {INERTIAL: 2.0, VISCOUS: 1.0}
 
 
 @dataclass(frozen=True, eq=False)
-class CapacitanceSlopes:
+class StackCapacitance:
     """Capacitance in F and its derivatives."""
 
     capacitance: Complexes
@@ -35,7 +35,7 @@ class CapacitanceSlopes:
     """F, shape (F,)."""
 
 
-def capacitance(section: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Complexes:
+def capacitance(section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Complexes:
     """Return Y/(jw) in F, shape (F,), for constants of shape (F, 11 L + 2), SI. Raises StackError."""
     made = np.empty(frequency.size, np.complex128)
     for at in _chunks(frequency.size):
@@ -43,12 +43,12 @@ def capacitance(section: Section, sizes: Sizes, values: Complexes, frequency: Fr
     return made
 
 
-def slopes(section: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> CapacitanceSlopes:
+def slopes(section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> StackCapacitance:
     """Return the same with its derivatives by all constants and sizes. Raises StackError."""
     parts = [
         _slopes(section, sizes, motion(section, sizes, values[at], frequency[at])) for at in _chunks(frequency.size)
     ]
-    return CapacitanceSlopes(
+    return StackCapacitance(
         np.concatenate([part.capacitance for part in parts]),
         np.concatenate([part.by_constant for part in parts]),
         np.concatenate([part.by_log_thickness for part in parts]),
@@ -60,7 +60,7 @@ def _chunks(count: int) -> list[slice]:
     return [slice(start, start + _CHUNK) for start in range(0, count, _CHUNK)]
 
 
-def _slopes(section: Section, sizes: Sizes, found: Motion) -> CapacitanceSlopes:
+def _slopes(section: CrossSection, sizes: Sizes, found: Motion) -> StackCapacitance:
     count, moments = found.capacitance.size, _moments(found)
     by_constant = np.zeros((count, section.layers * len(LAYER_CONSTANTS) + 2), np.complex128)
     by_thickness = np.zeros((count, section.layers), np.complex128)
@@ -78,7 +78,7 @@ def _slopes(section: Section, sizes: Sizes, found: Motion) -> CapacitanceSlopes:
             by_frequency += _OF_FREQUENCY.get(term.frequency, 0.0) * weighed[:, k]
     # C is of the dimension of a length: the same constants at all sizes times s and frequency over s give s C
     by_radius = found.capacitance - by_thickness.sum(axis=1) + by_frequency
-    return CapacitanceSlopes(found.capacitance, by_constant, by_thickness, by_radius)
+    return StackCapacitance(found.capacitance, by_constant, by_thickness, by_radius)
 
 
 def _moments(found: Motion) -> Mapping[tuple[str, str], Complexes]:
