@@ -77,13 +77,12 @@ def diagnose(
         wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress, jobs)
         if wide is not None:
             return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
-    with_lines = replace(problem, lines=found.final.fit.marginal.lines)
     if learn and fitter is None:
-        found, places = Learning(with_lines, progress, jobs).learned(found, search.ranked)
+        found, places = Learning(search.problem, progress, jobs).learned(found, search.ranked)
         final = as_refit(problem, found.final)
         held_after = held_out_chi2(problem, final)
     elif found.something_left and fitter is None:
-        places = placed_corrections(with_lines, found.final, progress, jobs, thorough=False)
+        places = placed_corrections(search.problem, found.final, progress, jobs, thorough=False)
     else:
         places = ()
     # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects

@@ -99,8 +99,6 @@ class ErrorSizes:
 
 USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0)
 """Errors of a good device and a good instrument."""
-SMOOTH = ErrorSizes(tau=1e-4, slow=1.0, fast=0.3, fixture=1.0, held=1.0, losses=1.0, shape=1.0)
-"""All smooth errors together: several of them often explain a residual that none of them improves alone."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from ...models.effects import Device
 from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
 from .error_columns import ErrorColumns, LinearisedRecording, WeakLine, columns_of, place_of
-from .error_sizes import SMOOTH, USUAL, Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
+from .error_sizes import USUAL, Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
 from .point_covariance import PointErrors, spread_of_variance
 
 ORDER = ("held", "tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
@@ -286,9 +286,7 @@ def fit(
             made = marginal.gram(x, columns)
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
-            smooth = SMOOTH if fast else SMOOTH.at("fast", 0.0)
-            smooth = smooth if tau else smooth.at("tau", 0.0)
-            sizes, _ = chosen(made, (*again, *starts, rough_guess(made), smooth), order, all_starts=k == 0)
+            sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order, all_starts=k == 0)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
         if steps <= 1 and k > 0:
             break

@@ -106,7 +106,7 @@ class AttributedErrors:
     instrument: tuple[Complexes, ...]
     model: tuple[Complexes, ...]
     usual: tuple[Complexes, ...]
-    """Imperfections that every device has: weak lines, losses that change over the band; and errors of formulas."""
+    """Imperfections that every device has: weak lines, and losses that change over the band."""
     left: tuple[Complexes, ...]
     """ln(Z_model/Z) minus all of these."""
 
@@ -135,13 +135,10 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
 
 
 def _usual_share(columns: ErrorColumns, sizes: ErrorSizes) -> Reals:
-    """Return the part of each column's prior variance that every device and every formula has, shape (C,).
-
-    Of the errors of the effects' formulas these are the ones within their prior scale.
-    """
+    """Return the part of each column's prior variance that is an imperfection every device has, shape (C,)."""
     losses = (columns.losses * sizes.losses) ** 2
     of_imaginary = losses / np.maximum(losses + (IMAGINARY * sizes.tau) ** 2, 1e-300)
-    known = {"line": 1.0, "losses": 1.0, "shape": min(1.0, 1 / max(sizes.shape, 1.0)) ** 2}
+    known = {"line": 1.0, "losses": 1.0}
     return np.array(
         [of_imaginary[k] if part == "imaginary" else known.get(part, 0.0) for k, part in enumerate(columns.parts)]
     )

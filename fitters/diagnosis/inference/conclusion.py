@@ -75,7 +75,7 @@ def conclude(search: GreedySearch) -> Conclusion:
     while unsure := [one for one in best.effects if sure[one].of_class < NAMED]:
         best = search.without(best, min(unsure, key=lambda one: sure[one].of_class))
         sure = _certainty(search, best)
-    final = best if best is search.best else search.with_own_lines(best)
+    final = best
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
     accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)

@@ -285,19 +285,6 @@ class GreedySearch:
             self._take(fitted(self.problem, tuple(effects), near.values, (near.fit.sizes,), fast=self._fast))
         return self.found[key]
 
-    def with_own_lines(self, one: Hypothesis) -> Hypothesis:
-        """Return a hypothesis fitted with the weak lines that it leaves itself, not those that the best one leaves.
-
-        Its evidence cannot be compared with that of the others.
-        """
-        lines = weak_lines(one)
-        if set(lines) == set(self.problem.lines):
-            return one
-        problem = replace(self.problem, lines=lines)
-        sizes = one.fit.sizes, ErrorSizes()
-        own = fitted(problem, one.effects, one.values, sizes, near=True, fast=self._fast)
-        return own if np.isfinite(own.log_weight) else one
-
     def thin(self, one: Hypothesis) -> None:
         """Remove effects from the best hypothesis one by one while that improves it."""
         rests = [tuple(other for other in one.effects if other is not effect) for effect in one.effects]
