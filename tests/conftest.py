@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fork_server import ForkServer, forking, new_interpreters
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -73,6 +74,20 @@ def start_program() -> Iterator[Callable[..., "subprocess.Popen[Any]"]]:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fork_server() -> Iterator[ForkServer | None]:
+    """Processes of pzctl begin as forked children of a server that has imported it; None where there is no server."""
+    with forking() as server:
+        yield server
+
+
+@pytest.fixture
+def as_for_users() -> Iterator[None]:
+    """Processes of pzctl begin as new interpreters; for tests of how they begin and end."""
+    with new_interpreters():
+        yield
 
 
 @pytest.fixture(scope="session")

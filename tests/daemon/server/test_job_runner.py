@@ -53,9 +53,9 @@ def test_what_cannot_be_done_is_said(start_daemon, build: Build) -> None:
 
 
 def test_a_job_that_takes_too_long_is_ended(start_daemon, build: Build) -> None:
-    start_daemon(limits=Limits(seconds=0.2))
+    start_daemon(limits=Limits(seconds=0.01))
     with pzctl.connect() as lab:
         measurement = lab.measure(build, "disk").id
         for _ in range(2):
-            with pytest.raises(FitError, match=r"mason of measurement .*: no answer within 0.2 s"):
+            with pytest.raises(FitError, match=r"mason of measurement .*: no answer within 0.01 s"):
                 lab.fit(measurement, "mason")

@@ -29,6 +29,7 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions
 from pzctl.sim.server import running as simulator
 
+pytestmark = pytest.mark.usefixtures("as_for_users")
 ECHO = "guest_examples:Echo"
 
 
