@@ -10,29 +10,23 @@ from pzctl.models.stack import Piezo, Stack
 from pzctl.models.sweep import Sweep
 
 BUILD = read_build(THESIS_BUILD)
-F = np.linspace(1.5e6, 7.5e6, 301)
+F = np.linspace(1.5e6, 7.5e6, 151)
 NOISE = 2e-4
 
 
-def recorded(Z: np.ndarray) -> FitTask:
+def recorded(Z: np.ndarray, f: np.ndarray = F) -> FitTask:
     """Return the task of a sweep of the disk with noise."""
     random = np.random.default_rng(3)
-    noisy = Z * np.exp(NOISE * (random.normal(size=F.size) + 1j * random.normal(size=F.size)))
-    return FitTask(BUILD, {"disk": (Sweep(F, noisy),)})
+    noisy = Z * np.exp(NOISE * (random.normal(size=f.size) + 1j * random.normal(size=f.size)))
+    return FitTask(BUILD, {"disk": (Sweep(f, noisy),)})
 
 
-def relaxing(stack: Stack, strength: float, at: float) -> np.ndarray:
+def relaxing(stack: Stack, strength: float, at: float, f: np.ndarray = F) -> np.ndarray:
     """The disk, computed separately at each frequency with its permittivity there; no law of the library is used."""
     disk = next(layer for layer in stack.layers if isinstance(layer, Piezo))
-    return np.array(
-        [
-            replace(
-                stack,
-                layers=tuple(
-                    replace(layer, eps33S=disk.eps33S * (1 + strength / (1 + 1j * f / at))) if layer is disk else layer
-                    for layer in stack.layers
-                ),
-            ).impedance(np.array([f]))[0]
-            for f in F
-        ]
-    )
+
+    def there(at_one: float) -> Stack:
+        eps = disk.eps33S * (1 + strength / (1 + 1j * at_one / at))
+        return replace(stack, layers=tuple(replace(one, eps33S=eps) if one is disk else one for one in stack.layers))
+
+    return np.array([there(one).impedance(np.array([one]))[0] for one in f])
