@@ -52,8 +52,7 @@ LARGEST_FOLDER = 20
 FOLDER_OF_A_CATALOGUE = "models/effects"
 """One module for each effect."""
 KNOWN_TWICE = {
-    "fitters": {"Comparison", "Fitted", "Hypothesis", "Minimum", "Outcome", "Value", "candidates", "hypothesis"},
-    "models": {"laws"},
+    "fitters": {"Hypothesis", "hypothesis"},
 }
 """Names that are still used twice; the list only gets shorter."""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from ...fitters.interface import FitResult
-from ...fitters.population.batch import Outcome
+from ...fitters.population.batch import BatchOutcome
 from ..client.client import Client
 from ..client.location import find
 from ..files.config import journal_of, settings
@@ -40,7 +40,7 @@ def keeping(home: Path) -> Generator[SaveResult]:
         journal.close()
 
 
-def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[Outcome]) -> None:
+def keep(home: Path, samples: Sequence[Sample], outcomes: Sequence[BatchOutcome]) -> None:
     """Write the results of `samples` into the journal, each for its measurement. Raises DaemonError or JournalError."""
     by_name = {sample.name: sample for sample in samples}
     with keeping(home) as put:

@@ -27,7 +27,7 @@ from .resonances import Resonances, fitted_poles, resonances_of
 from .search import Searched, nothing_in_common, search
 from .shifts import resonance_shifts
 from .two_ports import TwoPort, two_ports
-from .with_build.candidates import model_changes, step_before
+from .with_build.build_changes import model_changes, step_before
 from .with_build.found_device import FoundDevice
 from .with_build.model_change import ModelChange
 

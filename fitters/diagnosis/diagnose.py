@@ -11,7 +11,7 @@ from ..uncertainty.fit_result import curves_of
 from ..user_effects import every_effect
 from .data_quality.data_gates import Gated, gate
 from .decision_rules import NAMED
-from .findings import CorrectionCurve, Diagnosis, Finding, Fitted, Leftover, MismatchPlace, Remaining, Verdict
+from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover, MismatchPlace, Remaining, Verdict
 from .hypotheses.bench_effects import BenchEffect, with_bench_effects
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
@@ -103,8 +103,8 @@ def diagnose(
     remaining = scores(problem, choice, final.objective, final.descent.x)
     return Diagnosis(
         verdict=verdict,
-        baseline=Fitted(null.chi2_per_dof, held_before, constants_of(problem, found.null)),
-        final=Fitted(final.chi2_per_dof, held_after, constants),
+        baseline=FitSummary(null.chi2_per_dof, held_before, constants_of(problem, found.null)),
+        final=FitSummary(final.chi2_per_dof, held_after, constants),
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, {one.effect for one in findings}),
         leftover=left,
@@ -192,8 +192,8 @@ def _in_two_dimensions(
     before = curves_of(null.objective, null.descent.x, null.descent.x)
     return Diagnosis(
         verdict=verdict,
-        baseline=Fitted(null.chi2_per_dof, held_before, constants_of(problem, found.null)),
-        final=Fitted(wide.result.chi2_per_dof, float("nan"), wide.result.constants),
+        baseline=FitSummary(null.chi2_per_dof, held_before, constants_of(problem, found.null)),
+        final=FitSummary(wide.result.chi2_per_dof, float("nan"), wide.result.constants),
         findings=tuple(findings),
         not_decidable=(),
         leftover=Leftover((), wide.result.chi2_per_dof, own[0].step, (), None),

@@ -103,7 +103,7 @@ class NotDecidable:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FitSummary:
     """The fit before or after the effects were added."""
 
     chi2_per_dof: float
@@ -180,8 +180,8 @@ class Diagnosis:
     """Result of a diagnosis: where and why model and recording differ."""
 
     verdict: Verdict
-    baseline: Fitted
-    final: Fitted
+    baseline: FitSummary
+    final: FitSummary
     findings: tuple[Finding, ...]
     """Largest effect first."""
     not_decidable: tuple[NotDecidable, ...]

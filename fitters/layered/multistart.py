@@ -32,7 +32,7 @@ _LOSSES = np.log(1e-4), np.log(0.3)
 
 
 @dataclass
-class Minimum:
+class LocalMinimum:
     """A distinct minimum of the search objective."""
 
     x: Reals
@@ -48,7 +48,7 @@ class Multistart:
 
     objective: Objective
     box: Box
-    minima: list[Minimum] = field(default_factory=list[Minimum])
+    minima: list[LocalMinimum] = field(default_factory=list[LocalMinimum])
     """Deepest first."""
     descents: int = 0
 
@@ -67,7 +67,7 @@ class Multistart:
                 minimum.found_by.append(by)
                 return
         cost = float(np.sum(self.objective.residual(end) ** 2)) / 2
-        self.minima.append(Minimum(end, cost, curves, [by]))
+        self.minima.append(LocalMinimum(end, cost, curves, [by]))
         self.minima.sort(key=lambda minimum: minimum.cost)
 
     @property

@@ -43,7 +43,7 @@ class BatchJob:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class BatchOutcome:
     """Result of a job, or the sentence that says why there is none."""
 
     sample: str
@@ -51,22 +51,22 @@ class Outcome:
     error: str | None = None
 
 
-Heard = Callable[[Outcome], None]
+Heard = Callable[[BatchOutcome], None]
 """Called with each outcome as it arrives, in any order."""
 
 
-def fit_job(job: BatchJob, fitter: str) -> Outcome:
+def fit_job(job: BatchJob, fitter: str) -> BatchOutcome:
     """Fit one sample in this process. Raises nothing: any failure becomes the outcome's sentence."""
     try:
         with _one_at_a_time:
-            return Outcome(job.sample, run(load_fitter(fitter), job.task))
+            return BatchOutcome(job.sample, run(load_fitter(fitter), job.task))
     except PzctlError as error:
-        return Outcome(job.sample, None, str(error))
+        return BatchOutcome(job.sample, None, str(error))
     except Exception as error:  # whatever a third party's fitter does
-        return Outcome(job.sample, None, f"fitter {fitter!r} failed: {type(error).__name__}: {error}")
+        return BatchOutcome(job.sample, None, f"fitter {fitter!r} failed: {type(error).__name__}: {error}")
 
 
-def fit_on_cores(jobs: Sequence[BatchJob], fitter: str, heard: Heard = lambda _: None) -> tuple[Outcome, ...]:
+def fit_on_cores(jobs: Sequence[BatchJob], fitter: str, heard: Heard = lambda _: None) -> tuple[BatchOutcome, ...]:
     """Fit all jobs, one per core at a time; return the outcomes in the order of the jobs.
 
     Raises PluginError if the fitter is not installed. Ctrl-C ends the running fits at once.
@@ -80,7 +80,7 @@ def fit_on_cores(jobs: Sequence[BatchJob], fitter: str, heard: Heard = lambda _:
 
 def fit_on_dask(
     jobs: Sequence[BatchJob], fitter: str, address: str, heard: Heard = lambda _: None
-) -> tuple[Outcome, ...]:
+) -> tuple[BatchOutcome, ...]:
     """Fit all jobs on the Dask cluster whose scheduler is at `address` (tcp://host:port); order as in `fit_on_cores`.
 
     The results equal those of `fit_on_cores` to the last bit (except `seconds`) if the workers have the same processor
@@ -168,20 +168,20 @@ def results_of(
     return [made[k] for k in range(len(items))]
 
 
-def _gathered(futures: dict[Any, BatchJob], done: Iterable[Any], heard: Heard) -> tuple[Outcome, ...]:
+def _gathered(futures: dict[Any, BatchJob], done: Iterable[Any], heard: Heard) -> tuple[BatchOutcome, ...]:
     """Return the outcomes in the order of the jobs; `done` yields the futures as they end."""
-    outcomes: dict[Any, Outcome] = {}
+    outcomes: dict[Any, BatchOutcome] = {}
     for future in done:
         outcomes[future] = _outcome(future, futures[future])
         heard(outcomes[future])
     return tuple(outcomes[future] for future in futures)
 
 
-def _outcome(future: "Future[Outcome]", job: BatchJob) -> Outcome:
+def _outcome(future: "Future[BatchOutcome]", job: BatchJob) -> BatchOutcome:
     """Return a job's outcome, even if its process died or a worker could not begin."""
     try:
         return future.result()
     except BrokenProcessPool:
-        return Outcome(job.sample, None, "a process of the batch died (killed, or out of memory)")
+        return BatchOutcome(job.sample, None, "a process of the batch died (killed, or out of memory)")
     except Exception as error:
-        return Outcome(job.sample, None, f"the worker could not do it: {type(error).__name__}: {error}")
+        return BatchOutcome(job.sample, None, f"the worker could not do it: {type(error).__name__}: {error}")

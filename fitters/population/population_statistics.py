@@ -20,7 +20,7 @@ _U_TO_LIMIT = math.sqrt(3)
 
 
 @dataclass(frozen=True)
-class Value:
+class SampleValue:
     """A real value of one sample."""
 
     sample: str
@@ -56,7 +56,7 @@ class DataSheet:
 class VarianceShare:
     """The real or the imaginary part of a constant over the samples; units of the constant."""
 
-    values: tuple[Value, ...]
+    values: tuple[SampleValue, ...]
     mean: float
     variance: float | None
     """Variance of the sample values, with n - 1; None for a single sample, which has no scatter."""
@@ -149,8 +149,8 @@ def _is_silent(fit: FitResult) -> bool:
 
 def _spread(constants: Mapping[str, Constant], sheet: Quantity | None) -> Spread | None:
     """Return the statistics of one constant; None where it was held in every sample."""
-    re = _fitted([Value(sample, constant.re, constant.u_re) for sample, constant in constants.items()])
-    im = _fitted([Value(sample, constant.im, constant.u_im) for sample, constant in constants.items()])
+    re = _fitted([SampleValue(sample, constant.re, constant.u_re) for sample, constant in constants.items()])
+    im = _fitted([SampleValue(sample, constant.im, constant.u_im) for sample, constant in constants.items()])
     if not re:
         return None
     complex_ = any(value.value for value in im)
@@ -161,7 +161,7 @@ def _spread(constants: Mapping[str, Constant], sheet: Quantity | None) -> Spread
     )
 
 
-def _fitted(values: list[Value]) -> list[Value]:
+def _fitted(values: list[SampleValue]) -> list[SampleValue]:
     """Return the values that were fitted: not held as exact, not infinite (Qm of a lossless ceramic), not undetermined.
 
     A fitter without uncertainties does not say what it held; a value that is exactly the same everywhere counts as
@@ -173,7 +173,7 @@ def _fitted(values: list[Value]) -> list[Value]:
     return [] if silent and alike else moving
 
 
-def _part(values: list[Value], sheet: tuple[float, float] | None) -> VarianceShare:
+def _part(values: list[SampleValue], sheet: tuple[float, float] | None) -> VarianceShare:
     x = np.array([value.value for value in values])
     stated = [value.u for value in values if value.u is not None]
     u = np.array(stated) if len(stated) == len(values) else None
@@ -191,7 +191,7 @@ def _part(values: list[Value], sheet: tuple[float, float] | None) -> VarianceSha
     )
 
 
-def _against(values: list[Value], mean: float, nominal: float, u: float) -> DataSheet:
+def _against(values: list[SampleValue], mean: float, nominal: float, u: float) -> DataSheet:
     limit = _U_TO_LIMIT * u if u > 0 else None
     outside = [value.sample for value in values if limit is not None and abs(value.value - nominal) > limit]
     percent = 100 * (mean / nominal - 1) if nominal else None

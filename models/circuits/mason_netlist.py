@@ -19,9 +19,9 @@ import numpy as np
 
 from ..base.arrays import Frequencies
 from ..base.errors import CannotError
-from ..stack.laws import ComplexLike, LossLaw
 from ..stack.layers import Elastic, Piezo
 from ..stack.loads import HalfSpace, Load
+from ..stack.loss_laws import ComplexLike, LossLaw
 from ..stack.lumps import Mass, Spring
 from ..stack.stack import Layer, Stack
 

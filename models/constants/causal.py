@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
-from ..stack.laws import ComplexLike, LossLaw
+from ..stack.loss_laws import ComplexLike, LossLaw
 
 
 def continued(law: LossLaw, value: complex, frequency: Frequencies) -> tuple[Complexes, Mapping[str, Complexes]]:

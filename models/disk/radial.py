@@ -24,7 +24,7 @@ import numpy as np
 from ..base.arrays import Complexes, Frequencies, j_omega
 from ..base.errors import PzctlError
 from ..constants.causal import continued
-from ..stack.laws import CONSTANT, LossLaw, law_with
+from ..stack.loss_laws import CONSTANT, LossLaw, law_with
 from .bessel import RadialResonance
 
 _CONSTANTS = ("s11E", "s12E", "d31")

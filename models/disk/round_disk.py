@@ -11,7 +11,7 @@ from ..base.names import require
 from ..constants.causal import continued
 from ..constants.piezo_constants import Radial
 from ..stack import Stack
-from ..stack.laws import CONSTANT, LossLaw, law_with
+from ..stack.loss_laws import CONSTANT, LossLaw, law_with
 from .radial import RadialArm
 
 _FADES_AT = 0.45  # of the thickness mode's antiresonance

@@ -10,7 +10,7 @@ from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
 from ..base.names import require
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
-from ..stack.laws import CONSTANT, LossLaw, require_positive
+from ..stack.loss_laws import CONSTANT, LossLaw, require_positive
 from .capacitance import capacitance, slopes
 from .full import Shape
 from .matrices import CONSTANTS

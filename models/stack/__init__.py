@@ -15,9 +15,9 @@
 """
 
 from .bolt import Bolt
-from .laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
 from .layers import Elastic, Piezo
 from .loads import AIR, VACUUM, AnyLoad, HalfSpace, Load, Support
+from .loss_laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
 from .lumps import Mass, Spring
 from .radiation import Piston
 from .stack import Layer, Stack

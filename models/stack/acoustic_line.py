@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import Complexes, Reals
-from .laws import ComplexLike
+from .loss_laws import ComplexLike
 
 
 def one_minus_exp(growth: Reals, half_turn: Reals) -> Complexes:

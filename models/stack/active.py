@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from ..base.arrays import Complexes
 from .acoustic_line import Line
-from .laws import ComplexLike
+from .loss_laws import ComplexLike
 
 
 @dataclass(slots=True, eq=False)

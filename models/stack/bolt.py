@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from ..base.arrays import Complexes, Frequencies, j_omega
-from .laws import require_positive
+from .loss_laws import require_positive
 
 NAME = "bolt"
 """Prefix of its parameter."""

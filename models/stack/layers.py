@@ -9,7 +9,7 @@ from typing import Self, TypeAlias
 import numpy as np
 
 from ..base.arrays import Frequencies
-from .laws import CONSTANT, ComplexLike, LossLaw, StackError, law_with, require_positive
+from .loss_laws import CONSTANT, ComplexLike, LossLaw, StackError, law_with, require_positive
 from .row import Joins
 
 Gradient: TypeAlias = tuple[str, ComplexLike]

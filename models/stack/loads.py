@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
-from .laws import ComplexLike, StackError
+from .loss_laws import ComplexLike, StackError
 from .row import Joins
 
 

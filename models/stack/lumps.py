@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from ..base.arrays import Complexes, Frequencies
-from .laws import ComplexLike, require_positive
 from .layers import Gradient
+from .loss_laws import ComplexLike, require_positive
 from .row import Joins
 
 

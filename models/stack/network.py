@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.arrays import Complexes
 from .active import ActiveLine
-from .laws import ComplexLike
+from .loss_laws import ComplexLike
 
 
 class Section(Protocol):

@@ -12,8 +12,8 @@ from typing import Self
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Reals
-from .laws import ComplexLike, require_positive
 from .loads import Load
+from .loss_laws import ComplexLike, require_positive
 
 
 def piston(x: Reals) -> Complexes:

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
 from .bolt import NAME, Bolt
-from .laws import ComplexLike
 from .layers import Elastic, Gradient, Piezo
 from .loads import Load
+from .loss_laws import ComplexLike
 from .lumps import Mass, Spring
 from .network import Network
 

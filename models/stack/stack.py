@@ -9,9 +9,9 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Impedances
 from .bolt import NAME, Bolt
-from .laws import StackError, require_positive
 from .layers import Elastic, Piezo
 from .loads import AIR, Load
+from .loss_laws import StackError, require_positive
 from .lumps import Mass, Spring
 from .network import Network, Path
 from .row import Joins, LayerRow

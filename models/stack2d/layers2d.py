@@ -11,7 +11,7 @@ from ..base.arrays import Complexes, Frequencies, Reals
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
 from ..disk2d.matrices import CONSTANTS
-from ..stack.laws import CONSTANT, LossLaw, StackError, require_positive
+from ..stack.loss_laws import CONSTANT, LossLaw, StackError, require_positive
 from .section import LAYER_CONSTANTS
 
 _MARGIN = 4

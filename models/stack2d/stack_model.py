@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
 from ..base.names import require
-from ..stack.laws import StackError, require_positive
+from ..stack.loss_laws import StackError, require_positive
 from .capacitance_slopes import capacitance, slopes
 from .layers2d import Ceramic2D, Isotropic, order_of
 from .reduction import KEPT, error, reduced

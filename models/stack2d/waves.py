@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import jve
 
 from ..base.arrays import Complexes, Frequencies
-from ..stack.laws import StackError
+from ..stack.loss_laws import StackError
 from .section import PAIRS, PERMITTIVITY, STIFFNESS, UNITS, CrossSection
 
 

@@ -15,7 +15,7 @@ from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.line_elements import LineElements, Numbers
 from pzctl.models.disk2d.matrices import CONSTANTS, OF_TERM, POWERS
-from pzctl.models.stack.laws import CONSTANT, LossLaw, StackError, require_positive
+from pzctl.models.stack.loss_laws import CONSTANT, LossLaw, StackError, require_positive
 
 _ORDER_R, _ORDER_Z = 7, 8
 

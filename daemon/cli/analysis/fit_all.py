@@ -12,7 +12,7 @@ from ....models.base.names import shown
 from .fit_options import FitSelection, UsageError, check_options
 
 if TYPE_CHECKING:
-    from ....fitters.population.batch import Outcome
+    from ....fitters.population.batch import BatchOutcome
     from ....fitters.population.population_statistics import Population
     from ...samples.sample_selection import Sample
 
@@ -80,11 +80,11 @@ def fit_all(
         raise BatchFailure(f"{len(failed)} of {total} fits failed: {', '.join(dict.fromkeys(failed))}; see above")
 
 
-def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[Outcome]":
+def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[BatchOutcome]":
     """Fit, add the results of the journal's samples to it, and return one outcome per sample, in the same order."""
     from rich.progress import Progress
 
-    from ....fitters.population.batch import Outcome, fit_on_cores, fit_on_dask
+    from ....fitters.population.batch import BatchOutcome, fit_on_cores, fit_on_dask
     from ...files.paths import home
     from ...report.terminal import console
     from ...samples.result_writer import keep
@@ -94,7 +94,7 @@ def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[
     with Progress(console=screen, transient=True, disable=not screen.is_terminal) as progress:
         bar = progress.add_task(fitter, total=len(jobs))
 
-        def report_outcome(outcome: Outcome) -> None:
+        def report_outcome(outcome: BatchOutcome) -> None:
             screen.print(f"{fitter}: {_line(outcome)}", highlight=False, markup=False, soft_wrap=True)
             progress.advance(bar)
 
@@ -111,14 +111,14 @@ def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[
     return [by_name.get(sample.name) or _unread(sample) for sample in samples]
 
 
-def _unread(sample: "Sample") -> "Outcome":
-    from ....fitters.population.batch import Outcome
+def _unread(sample: "Sample") -> "BatchOutcome":
+    from ....fitters.population.batch import BatchOutcome
 
     print(shown(f"{sample.name}: {sample.error}"), file=sys.stderr)
-    return Outcome(sample.name, None, sample.error)
+    return BatchOutcome(sample.name, None, sample.error)
 
 
-def _line(outcome: "Outcome") -> str:
+def _line(outcome: "BatchOutcome") -> str:
     result = outcome.result
     if result is None:
         return f"{outcome.sample}: {outcome.error}"
@@ -129,7 +129,7 @@ def _line(outcome: "Outcome") -> str:
     )
 
 
-def _population(samples: "Sequence[Sample]", outcomes: "Sequence[Outcome]") -> "Population":
+def _population(samples: "Sequence[Sample]", outcomes: "Sequence[BatchOutcome]") -> "Population":
     from ....fitters.population.population_statistics import population
     from ...samples.sample_selection import sheets_of
 
@@ -138,7 +138,7 @@ def _population(samples: "Sequence[Sample]", outcomes: "Sequence[Outcome]") -> "
     return population(fits, sheets_of(build for build in builds if build is not None))
 
 
-def _report(samples: "Sequence[Sample]", batches: "dict[str, list[Outcome]]", as_json: bool) -> None:
+def _report(samples: "Sequence[Sample]", batches: "dict[str, list[BatchOutcome]]", as_json: bool) -> None:
     from ...report.tables.population_table import print_population
     from ...report.terminal import console
 
@@ -151,7 +151,7 @@ def _report(samples: "Sequence[Sample]", batches: "dict[str, list[Outcome]]", as
         print_population(console(), _population(samples, outcomes))
 
 
-def _plain(samples: "Sequence[Sample]", fitter: str, outcomes: "Sequence[Outcome]") -> dict[str, Any]:
+def _plain(samples: "Sequence[Sample]", fitter: str, outcomes: "Sequence[BatchOutcome]") -> dict[str, Any]:
     from ...report.json_output.fit_json import fit_json
     from ...report.tables.population_table import population_json
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ....fitters.diagnosis.data_quality.data_issues import DataCheck
-from ....fitters.diagnosis.findings import Diagnosis, Finding, Fitted
+from ....fitters.diagnosis.findings import Diagnosis, Finding, FitSummary
 from ....fitters.interface import Curve
 from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ..json_output.fit_json import constants_json, number
@@ -35,7 +35,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _fitted(side: Fitted) -> dict[str, Any]:
+def _fitted(side: FitSummary) -> dict[str, Any]:
     return {
         "chi2_per_dof": number(side.chi2_per_dof),
         "held_out": number(side.held_out),

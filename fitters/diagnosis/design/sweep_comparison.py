@@ -29,7 +29,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True)
-class Comparison:
+class SweepComparison:
     """Difference of another recording of the same device."""
 
     changed: str
@@ -53,9 +53,9 @@ class Comparison:
         return f"{self.changed}: not the same ({np.sqrt(self.excess):.3g} times the noise){moved}."
 
 
-def compared(own: Sequence[Sweep], others: Sequence[Sweep]) -> tuple[Comparison, ...]:
+def compared(own: Sequence[Sweep], others: Sequence[Sweep]) -> tuple[SweepComparison, ...]:
     """Compare each of `others` with the sweep of `own` that has most points in common with it."""
-    made: list[Comparison] = []
+    made: list[SweepComparison] = []
     for other in others:
         first = max(own, key=lambda one: _common(one, other).sum())
         if _common(first, other).sum() >= _TOO_FEW:
@@ -68,7 +68,7 @@ def _common(one: Sweep, other: Sweep) -> Any:
     return (other.frequency >= low) & (other.frequency <= min(one.frequency[-1], other.frequency[-1]))
 
 
-def _compared(first: Sweep, other: Sweep) -> Comparison:
+def _compared(first: Sweep, other: Sweep) -> SweepComparison:
     _, (noise,) = noise_of([first])
     _, (own_noise,) = noise_of([other])
     common = _common(first, other)
@@ -81,7 +81,7 @@ def _compared(first: Sweep, other: Sweep) -> Comparison:
         there, here = (_resonance(f, z) for z in (np.exp(Z), other.impedance[common]))
         shift = here / there - 1
     excess = float(np.mean(np.abs(difference) ** 2 / (2 * sigma2)))
-    return Comparison(_changed(first, other), excess, shift)
+    return SweepComparison(_changed(first, other), excess, shift)
 
 
 def _at(sweep: Sweep, f: Frequencies) -> tuple[Complexes, Reals]:

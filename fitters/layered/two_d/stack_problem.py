@@ -12,7 +12,7 @@ from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.disk2d.training import HIGHEST
 from ....models.materials.passive import USUAL_POISSON
-from ....models.stack.laws import LossLaw
+from ....models.stack.loss_laws import LossLaw
 from ....models.stack2d.layers2d import Ceramic2D, Isotropic
 from ....models.stack2d.stack_model import Layer2D, Stack2D, full_section
 from ....models.sweep import Sweep

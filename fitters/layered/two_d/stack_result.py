@@ -8,7 +8,7 @@ import numpy as np
 from ....models.base.arrays import Reals
 from ....models.constants.passivity import passivity_margin
 from ....models.disk2d.matrices import CONSTANTS
-from ....models.stack.laws import CONSTANT
+from ....models.stack.loss_laws import CONSTANT
 from ...disk.planar_result import PLANAR_UNITS, propagated, radial_named
 from ...disk.two_d.determined_constants import undetermined
 from ...disk.two_d.tensor_start import unusual

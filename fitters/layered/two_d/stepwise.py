@@ -8,7 +8,7 @@ import numpy as np
 
 from ....models.base.arrays import Reals
 from ....models.stack import CausalConstantQ
-from ....models.stack.laws import CONSTANT, LossLaw
+from ....models.stack.loss_laws import CONSTANT, LossLaw
 from ....models.stack2d.reduction import KEPT
 from ....models.stack2d.stack_model import with_reduced_section
 from ...disk.two_d.misfit_as_noise import at_level, judged, left_of

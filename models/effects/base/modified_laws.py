@@ -8,7 +8,7 @@ import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Reals
 from ...stack import ConstantLoss, LossLaw
-from ...stack.laws import ComplexLike
+from ...stack.loss_laws import ComplexLike
 
 _TINY = 1e-9
 

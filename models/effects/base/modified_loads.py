@@ -9,8 +9,8 @@ import numpy as np
 
 from ...base.arrays import Complexes, Frequencies
 from ...stack import HalfSpace
-from ...stack.laws import ComplexLike
 from ...stack.loads import Load
+from ...stack.loss_laws import ComplexLike
 
 
 @dataclass(frozen=True)

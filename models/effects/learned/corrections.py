@@ -13,9 +13,9 @@ import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances
 from ...stack import Elastic, Piezo, Stack
-from ...stack.laws import ComplexLike
 from ...stack.layers import Gradient
 from ...stack.loads import AnyLoad, Load
+from ...stack.loss_laws import ComplexLike
 from ...stack.lumps import Gap, Weight
 from ...stack.row import Joins
 from ...stack.stack import Layer

@@ -22,7 +22,7 @@ from pzctl.fitters.layered.two_d.stack_problem import (
 )
 from pzctl.fitters.layered.two_d.stack_start import one_dimensional
 from pzctl.models.disk2d.matrices import CONSTANTS
-from pzctl.models.stack.laws import CONSTANT
+from pzctl.models.stack.loss_laws import CONSTANT
 from pzctl.models.stack2d.layers2d import Ceramic2D, Isotropic
 from pzctl.models.stack2d.stack_model import Stack2D, full_section
 from pzctl.models.sweep import Sweep

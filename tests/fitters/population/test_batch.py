@@ -12,7 +12,7 @@ import pytest
 
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.plugins import PluginError
-from pzctl.fitters.population.batch import BatchError, BatchJob, Outcome, fit_job, fit_on_cores, fit_on_dask
+from pzctl.fitters.population.batch import BatchError, BatchJob, BatchOutcome, fit_job, fit_on_cores, fit_on_dask
 from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.materials import find
 from pzctl.models.stack import HalfSpace, Piezo, Stack
@@ -59,11 +59,11 @@ def content(part: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def on_cores() -> tuple[Outcome, ...]:
+def on_cores() -> tuple[BatchOutcome, ...]:
     return fit_on_cores(JOBS, "mason")
 
 
-def test_outcomes_come_in_order_and_a_failure_stops_nobody(on_cores: tuple[Outcome, ...]) -> None:
+def test_outcomes_come_in_order_and_a_failure_stops_nobody(on_cores: tuple[BatchOutcome, ...]) -> None:
     assert [outcome.sample for outcome in on_cores] == ["S1", "broken", "S3"]
     for outcome, true in ((on_cores[0], 1.50e11), (on_cores[2], 1.55e11)):
         assert outcome.result is not None
@@ -74,7 +74,7 @@ def test_outcomes_come_in_order_and_a_failure_stops_nobody(on_cores: tuple[Outco
     assert "resonance" in (on_cores[1].error or "")
 
 
-def test_processes_answer_as_one_by_one(on_cores: tuple[Outcome, ...]) -> None:
+def test_processes_answer_as_one_by_one(on_cores: tuple[BatchOutcome, ...]) -> None:
     assert content(on_cores) == content(tuple(fit_job(job, "mason") for job in JOBS))
 
 
@@ -87,7 +87,7 @@ def cluster() -> Iterator[str]:
         yield running.scheduler_address
 
 
-def test_a_dask_cluster_answers_the_same_to_the_last_bit(cluster: str, on_cores: tuple[Outcome, ...]) -> None:
+def test_a_dask_cluster_answers_the_same_to_the_last_bit(cluster: str, on_cores: tuple[BatchOutcome, ...]) -> None:
     heard: list[str] = []
     on_dask = fit_on_dask(JOBS, "mason", cluster, lambda outcome: heard.append(outcome.sample))
     assert content(on_dask) == content(on_cores)

@@ -12,7 +12,7 @@ from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.stack import VACUUM, CausalConstantQ, Elastic, Mass, Piezo, Stack
-from pzctl.models.stack.laws import StackError
+from pzctl.models.stack.loss_laws import StackError
 
 DENSITY, T = 7700.0, 2e-3
 BARE = BuiltDisk(TENSOR, 1e-3, T, DENSITY)

@@ -10,7 +10,7 @@ from stack_skfem import FeLayer, SkfemStack
 
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.stack import CausalConstantQ, Elastic, HalfSpace, Piezo, Stack
-from pzctl.models.stack.laws import StackError
+from pzctl.models.stack.loss_laws import StackError
 from pzctl.models.stack2d.layers2d import Ceramic2D, Isotropic
 from pzctl.models.stack2d.stack_model import Stack2D, full_section, section_error, with_reduced_section
 from pzctl.models.stack2d.waves import motion
