@@ -42,7 +42,7 @@ POINTS = re.compile(r"points = (\d+)")
 MOST_POINTS = 101
 PAGES = sorted(path.name for path in DOCS.glob("*.md") if BLOCK.search(path.read_text(encoding="utf-8")))
 
-AS_FOR_USERS = ("transducer.md",)
+AS_FOR_USERS = ("terminal.md",)
 """Pages whose commands begin as new interpreters; those of the others are forked, which saves their imports."""
 
 

@@ -34,7 +34,7 @@ def test_a_change_inside_is_named_with_place_and_size_although_the_model_describ
 
 
 def test_an_unchanged_device_is_unchanged() -> None:
-    assert compared(lambda one: one).verdict == "unchanged"
+    assert compared(lambda one: one, "disk").verdict == "unchanged"
 
 
 def test_a_step_that_the_build_has_not_is_refused_in_a_sentence() -> None:
