@@ -1,11 +1,13 @@
 """Changes between two recordings: a few sharp cases; the benchmark has many."""
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
 
 from pzctl.fitters.compare.compare import compare
+from pzctl.fitters.compare.comparison import Comparison
 from pzctl.fitters.interface import TaskError
 from pzctl.models.sweep import Sweep
 
@@ -30,6 +32,12 @@ def recorded(Z: np.ndarray, seed: int, f: np.ndarray = F) -> Sweep:
     rng = np.random.default_rng(seed)
     noise = 1e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
     return Sweep(f, Z * np.exp(noise + 1e-3 * rng.normal()))
+
+
+@cache
+def changed(**change: float) -> Comparison:
+    """Return what is found between the device before and after a change."""
+    return compare([recorded(device(), 1)], [recorded(device(**change), 2)])
 
 
 def line(Z: np.ndarray, length: float, Z0: float) -> np.ndarray:
@@ -82,7 +90,7 @@ def test_a_drifted_device_is_unchanged_and_limits_on_changes_are_given() -> None
     ],
 )
 def test_changes_in_the_device_are_named(change: dict[str, float], effect: str, size: str, true: float) -> None:
-    found = compare([recorded(device(), 1)], [recorded(device(**change), 2)])
+    found = changed(**change)
     assert found.verdict == "explained"
     (finding,) = found.findings
     assert finding.effect == effect
@@ -113,7 +121,7 @@ def test_an_uncertain_change_is_not_reported_as_sure() -> None:
 
 
 def test_the_table_of_resonances_lists_their_shifts() -> None:
-    found = compare([recorded(device(), 1)], [recorded(device(shift=0.997), 2)])
+    found = changed(shift=0.997)
     assert [one.frequency_Hz for one in found.resonances] == pytest.approx([0.98e6, 1.13e6, 1.27e6], rel=1e-3)
     assert [one.shift for one in found.resonances] == pytest.approx([-3e-3] * 3, abs=1e-4)
 
