@@ -135,22 +135,21 @@ def _climbed(
     """
     numbers, rounds = known
 
-    def value(trial: Sizes) -> float:
-        scale = scale_of(where, trial, G.shape[0])
-        return log_density(G / trial.noise**2, log_det + 2 * numbers * log(trial.noise), scale) + trial.log_prior
+    def values(trials: Sequence[Sizes]) -> Reals:
+        scales = np.array([scale_of(where, one, G.shape[0]) for one in trials])
+        noise, priors = np.array([one.noise for one in trials]), np.array([one.log_prior for one in trials])
+        return log_densities(G, log_det, scales, noise) - numbers * np.log(noise) + priors
 
-    best = value(sizes)
+    best = float(values([sizes])[0])
     for _ in range(rounds):
         before = best
         for name, grid in GRIDS.items():
             if name in where and where[name].start == where[name].stop:
                 continue
-            for size in grid:
-                if size != getattr(sizes, name):
-                    trial = replace(sizes, **{name: size})
-                    here = value(trial)
-                    if here > best:
-                        best, sizes = here, trial
+            trials = [replace(sizes, **{name: size}) for size in grid if size != getattr(sizes, name)]
+            here = values(trials)
+            if here.max() > best:
+                best, sizes = float(here.max()), trials[int(here.argmax())]
         if best - before < 0.1:
             break
     return best, sizes
@@ -173,6 +172,23 @@ def log_density(G: Reals, log_det: float, scale: Reals) -> float:
     c, v = factorised(G, scale)
     solved, _ = dpotrs(c, v, lower=1)
     return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(np.diag(c)))) + log_det)
+
+
+def log_densities(G: Reals, log_det: float, scales: Reals, noise: Reals) -> Reals:
+    """Return `log_density` for several priors at once (K x columns) and sizes of the noise (K).
+
+    `log_det` is that of noise of size 1, and the noise's own determinant is not included. The last entry of the
+    Cholesky factor with the residual as last column is the root of what the columns leave of it.
+    """
+    sides = np.column_stack((scales, np.ones(noise.size))) / noise[:, None]
+    S = sides[:, :, None] * np.roll(G, -1, (0, 1)) * sides[:, None, :]
+    S[:, :-1, :-1] += np.eye(scales.shape[1])
+    try:
+        roots = np.linalg.cholesky(S).diagonal(0, 1, 2)
+    except np.linalg.LinAlgError:  # rounding made one of them indefinite
+        each = zip(scales, noise, strict=True)
+        return np.array([log_density(G / size**2, log_det, scale) for scale, size in each])
+    return -0.5 * (roots[:, -1] ** 2 + 2 * np.log(roots[:, :-1]).sum(axis=1) + log_det)
 
 
 def posterior_of(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
