@@ -52,9 +52,10 @@ LARGEST_FOLDER = 20
 FOLDER_OF_A_CATALOGUE = "models/effects"
 """One module for each effect."""
 KNOWN_TWICE = {
+    # A set of effects for a diagnosis and a set of changes for a comparison: what the evidence is of, in both packages.
     "fitters": {"Hypothesis", "hypothesis"},
 }
-"""Names that are still used twice; the list only gets shorter."""
+"""Names that are used twice, with the reason; the list only gets shorter."""
 
 
 def modules_of(floor: str) -> list[Path]:

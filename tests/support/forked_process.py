@@ -76,8 +76,11 @@ def _serve(requests: socket.socket) -> tuple[dict[str, Any], list[int]]:
             os._exit(0)
         request = json.loads(message)
         if not (between := os.fork()):
+            between = os.getpid()
             if not (child := os.fork()):
                 requests.close()
+                while os.getppid() == between and not request["waits"]:
+                    time.sleep(0.0005)  # until it has its parent
                 return request, files
             os.write(files[3], b"%d\n" % child)
             if request["waits"]:
