@@ -23,6 +23,11 @@ SOFT, WORTH = 10.0, 3.0
 model. The prior odds against an effect are about as much."""
 FITTED_FIRST, FITTED_LATER, POLISHED = 8, 4, 2
 """Budget: effects fitted alone, effects fitted beside others, and hypotheses fitted to convergence."""
+EXACT_FIRST, EXACT_LATER = 12, 8
+"""Budget of the search without errors: effects fitted alone and beside others."""
+ABSORBED = 0.1
+"""Part of an effect's change that the constants leave, below which its gain says little: what decides is of second
+order, and the effect is fitted whatever its gain."""
 UNFINISHED = 5
 """Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of the best
 one: a probability is computed from how well it describes the recordings where it ended."""

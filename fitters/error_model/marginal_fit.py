@@ -19,6 +19,11 @@ ORDER = ("held", "tau", "slow", "fixture", "losses", "shape", "fast", "bend", "r
 _STEPS = 15
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that a normal number exceeds in one case of twenty."""
+_UNINFORMED = 1 / 9
+"""Prior precision of a coordinate about which nothing is known: a logarithm is known within a factor of twenty.
+
+Around wherever the fit is, so that no value is preferred. Without it a thickness that recordings do not feel would run
+away, and its boundless posterior volume would count as evidence."""
 _CLOSE = 0.02
 """Decrease of minus twice ln density below which a fit has converged; no decision depends on a fiftieth."""
 _DAMPED, _RELAXED = 10.0, 0.1
@@ -132,7 +137,10 @@ class Marginal:
         slopes = np.concatenate([slopes, np.eye(x.size)[loads]])
         r = np.concatenate([self.objective.residual(x)[data:], more])
         J = np.concatenate([self.objective.jacobian(x)[data:], slopes])
-        return Beforehand(J.T @ J, J.T @ r, float(r @ r))
+        P = J.T @ J
+        unknown = np.flatnonzero(np.diag(P) < _UNINFORMED)
+        P[unknown, unknown] += _UNINFORMED
+        return Beforehand(P, J.T @ r, float(r @ r))
 
     def _unweighted(self, rows: Reals) -> list[Complexes]:
         """Return rows (P, R) of weighted real residuals as complex ln Z, for each recording (N, P)."""

@@ -34,7 +34,7 @@ class LossDispersion(Effect):
         exponent = EffectParameter("exponent", "1", typical=0.3, lower=-1.5, upper=1.5, prior=(0.0, 0.6))
         if isinstance(_law_of(layer), CausalConstantQ):
             return (exponent,)
-        return (exponent, EffectParameter("companion", "1", typical=1.0, upper=1.0, prior=(0.5, 0.7)))
+        return (exponent, EffectParameter("companion", "1", typical=1.0, upper=1.0, fraction=True))
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the loss of that layer as a power of frequency."""

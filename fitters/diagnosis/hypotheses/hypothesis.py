@@ -61,6 +61,7 @@ class Hypothesis:
 
 def coordinates_with(problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:
     """Return the coordinates of a fit with effects, whose parameters have unit normal priors."""
+    values = problem.model.restart(values)
     base = problem.bare_coordinates(values)
     pairs = [(name, knob) for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)]
     blocks = [*base.blocks, *(block_of(name, knob) for name, knob in pairs)]
@@ -119,7 +120,9 @@ def at_minimum(
 def _weighed(effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     priors = SizePriors(effects, found.marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
-    return Hypothesis(tuple(effects), found, priors.log_tails(found.x) + priors.log_volume(), odds)
+    # the evidence is that of the minimum of the quadratic expansion, which is far away if a fit has not converged
+    tails = min(priors.log_tails(found.x), priors.log_tails(found.x + found.value.step))
+    return Hypothesis(tuple(effects), found, tails + priors.log_volume(), odds)
 
 
 def coarseness(shortfall: float, exact: bool = False) -> float:

@@ -20,7 +20,7 @@ _TAIL, _SHARE = 4.0, 0.1
 def block_of(name: str, knob: EffectParameter) -> Block:
     """Return the block of a parameter; its coordinate has a normal prior: mean zero, standard deviation `width`."""
     centre, spread = knob.expected
-    if knob.from_nothing:
+    if knob.from_nothing and not knob.fraction:
         return _log_normal(name, centre, spread, knob.upper)
     if np.isfinite(knob.upper) and knob.lower > 0:
         return between(name, knob.lower, knob.upper)

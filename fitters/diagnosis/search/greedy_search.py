@@ -27,6 +27,7 @@ from ..decision_rules import (
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
+from .exact_search import exact_hypotheses
 from .screening import ScreenedCandidate, resembling, screened
 from .weak_lines import weak_lines
 
@@ -81,8 +82,12 @@ class GreedySearch:
     def run(self) -> Hypothesis:
         """Run the complete search; return the best hypothesis."""
         null = self.begin()
-        self.grow(null, FITTED_FIRST)
+        self.try_without_errors(null)
+        self.account_for_lines()
+        self.grow(self.found[frozenset()], FITTED_FIRST)
         self.polish()
+        if self.best.effects:
+            self.try_without_errors(self.best)
         self.account_for_lines()
         for _ in range(MOST - 1):
             before = self.best
@@ -97,8 +102,18 @@ class GreedySearch:
         self.substitute(self.best)
         return self.best
 
+    def try_without_errors(self, start: Hypothesis) -> None:
+        """Look for hypotheses that explain the recordings to their noise without any errors, beginning at `start`."""
+        self.progress("trying effects without errors of instrument and model")
+        for one in exact_hypotheses(replace(self.problem, lines=()), self.candidates, start, self.jobs):
+            self._take(one)
+
     def account_for_lines(self) -> None:
         """Make the weak lines that the best hypothesis leaves part of the error model of all hypotheses."""
+        import os
+
+        if os.environ.get("NOLINES"):
+            return
         lines = weak_lines(self.best)
         if set(lines) == set(self.problem.lines):
             return

@@ -22,8 +22,8 @@ from ..hypotheses.problem import Candidate, Problem
 _SPREADS = (-3.5, -2.0, -1.0, 0.0, 1.0)
 """Trial sizes, in standard deviations of ln size."""
 _SIGNED = (-0.5, -0.1, -0.02, 0.02, 0.1, 0.5)
-_STRETCH = 0.4, 2.5
-"""Range of the factor by which a change may be scaled linearly."""
+_STRETCH = 2.5
+"""Largest factor by which a change is scaled linearly; it may become as small as needed."""
 _LINES = 100
 """Number of trial frequencies of a further resonance."""
 _SCANS = 160
@@ -38,6 +38,8 @@ class ScreenedCandidate:
     gain: float
     """Expected increase of the ln likelihood."""
     start: dict[str, float]
+    survives: float = 1.0
+    """Part of its change, 0 to 1, that constants and errors cannot imitate."""
     twins: tuple[Candidate, ...] = ()
     """The same effect at places where symmetry makes it do exactly the same."""
 
@@ -80,7 +82,9 @@ def resembling(
     best: dict[Candidate, ScreenedCandidate] = {}
     for (one, values, _), alike, size in zip(trials, correlation[1:].tolist(), stretch[1:].tolist(), strict=True):
         if one not in best or alike > best[one].gain:
-            best[one] = ScreenedCandidate(one, alike, _stretched(one, values, float(np.clip(size, *_STRETCH))))
+            best[one] = ScreenedCandidate(
+                one, alike, _stretched(one, values, float(np.clip(size, 1 / _STRETCH, _STRETCH)))
+            )
     return sorted(best.values(), key=lambda promise: -promise.gain)
 
 
@@ -135,8 +139,10 @@ def _scan(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
     return (knob.expected[0] if knob.from_nothing else knob.null,)
 
 
-def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes | None) -> tuple[Reals, Reals]:
-    """Return the increase of ln likelihood along each change, and the best scale factor of the change; shape (T,).
+def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes | None) -> tuple[Reals, Reals, Reals]:
+    """Return the increase of ln likelihood along each change, its best scale factor and the part of it that survives.
+
+    Each of shape (T,). What survives is not imitated by constants and errors.
 
     `sizes` are those of the errors; None treats the residual as noise.
     """
@@ -171,22 +177,22 @@ def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes |
     c = lengths - np.sum(right[:, :-1] * solved[:, :-1], axis=0)
     b = -(beside[-1] - right[:, :-1].T @ solved[:, -1])
     c = np.maximum(c, 1e-30)
-    a = np.clip(b / c, *_STRETCH)
-    return a * b - a**2 * c / 2, a
+    a = np.clip(b / c, 0.0, _STRETCH)
+    return a * b - a**2 * c / 2, a, np.sqrt(c / np.maximum(lengths, 1e-300))
 
 
 _Start = tuple[Candidate, dict[str, float]]
 
 
 def _ranked(
-    starts: Sequence[_Start], gains: tuple[Reals, Reals], twins: dict[Candidate, Candidate]
+    starts: Sequence[_Start], gains: tuple[Reals, Reals, Reals], twins: dict[Candidate, Candidate]
 ) -> list[ScreenedCandidate]:
-    best: dict[Candidate, tuple[float, dict[str, float]]] = {}
-    for (one, values), gain, stretch in zip(starts, gains[0].tolist(), gains[1].tolist(), strict=True):
+    best: dict[Candidate, tuple[float, dict[str, float], float]] = {}
+    for (one, values), gain, stretch, survives in zip(starts, *(part.tolist() for part in gains), strict=True):
         if one not in twins and (one not in best or gain > best[one][0]):
-            best[one] = gain, _stretched(one, values, stretch)
+            best[one] = gain, _stretched(one, values, stretch), survives
     same = {one: tuple(t for t, of in twins.items() if of == one) for one in best}
-    found = [ScreenedCandidate(one, gain, values, same[one]) for one, (gain, values) in best.items()]
+    found = [ScreenedCandidate(one, *promise, same[one]) for one, promise in best.items()]
     return sorted(found, key=lambda promise: -promise.gain)
 
 

@@ -56,6 +56,8 @@ class EffectParameter:
     """Prior size in nature: median and standard deviation of its logarithm if it starts from nothing, else mean and
     standard deviation. None: three typical sizes within a factor of five (or around null).
     """
+    fraction: bool = False
+    """Whether all values between the limits are equally likely, zero included."""
     setting: str = ""
     """The setting of a recording that gives its null value, if there is one."""
 
@@ -66,9 +68,11 @@ class EffectParameter:
 
     @property
     def expected(self) -> tuple[float, float]:
-        """Median and standard deviation of the logarithm; for a parameter of either sign, mean and deviation."""
+        """Median and standard deviation of the logarithm; for a fraction or either sign, mean and deviation."""
         if self.prior is not None:
             return self.prior
+        if self.fraction:
+            return (self.lower + self.upper) / 2, (self.upper - self.lower) / 2
         return (3 * self.typical, 1.6) if self.from_nothing else (self.null, 3 * self.typical)
 
 

@@ -1,0 +1,107 @@
+"""Search among hypotheses without any error but white noise, as simulated and very good recordings need none.
+
+Errors of instrument and model may describe a small effect so well that it seems to explain nothing beside them. Where
+effects alone explain a recording to its noise, only a search without errors finds them.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from ....models.base.errors import PzctlError
+from ....models.effects import EffectParameter
+from ...engine.on_cores import on_cores
+from ...error_model.error_sizes import ErrorSizes
+from ...error_model.marginal_fit import Minimum
+from ..decision_rules import ABSORBED, EXACT_FIRST, EXACT_LATER, MOST, NEAR, UNFINISHED, WORTH
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted
+from ..hypotheses.problem import Candidate, Problem
+from .screening import ScreenedCandidate, screened
+
+_EXACT = (ErrorSizes(),)
+
+
+def exact_hypotheses(
+    problem: Problem, candidates: Sequence[Candidate], start: Hypothesis, jobs: int = 1
+) -> list[Hypothesis]:
+    """Return the hypotheses without errors that are about as probable as `start`, which has errors, or more.
+
+    Effects are added to those of `start` one by one as long as that helps, if errors complete these to an explanation:
+    nothing hides behind errors that leave more than noise anyway.
+    """
+    begun = _fitted(problem, start.effects, start.values) if start.fit.shortfall == 0 else None
+    if begun is None:
+        return []
+    found, best = {begun.key: begun}, begun
+    while True:
+        before = best = _continued(problem, best)
+        found[best.key] = best
+        for made in _extended(problem, best, candidates, jobs):
+            if made.key not in found or made.log_weight > found[made.key].log_weight:
+                found[made.key] = made
+        best = max(found.values(), key=lambda one: one.log_weight)
+        if best is before or _hopeless(best, before.fit.shortfall - best.fit.shortfall):
+            break
+    return [one for one in found.values() if one.log_weight > start.log_weight - NEAR]
+
+
+def _continued(problem: Problem, one: Hypothesis) -> Hypothesis:
+    """Return a hypothesis whose fit was continued as long as it improved."""
+    for _ in range(UNFINISHED):
+        again = _fitted(problem, one.effects, one.values, near=True)
+        if again is None or again.fit.value.here > one.fit.value.here - 1:
+            break
+        one = again
+    return one
+
+
+def _hopeless(one: Hypothesis, gain: float) -> bool:
+    """Return whether more would be missing after as many further effects as there may be, if each gained this much."""
+    return one.fit.shortfall > (MOST - len(one.effects)) * gain
+
+
+def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate], jobs: int) -> list[Hypothesis]:
+    """Return the fits of the most promising candidates beside a hypothesis."""
+    taken = {(one.effect.name, one.where) for one in parent.effects}
+    left = [one for one in candidates if (one.effect.name, one.where) not in taken]
+    _, _, promises = screened(problem, parent, left, jobs)
+    if len(parent.effects) == MOST or not promises or _hopeless(parent, promises[0].gain):
+        return []
+    most, absorbed = (EXACT_LATER, 0.0) if parent.effects else (EXACT_FIRST, ABSORBED)
+    chosen = [one for rank, one in enumerate(promises) if one.survives < absorbed or (rank < most and one.gain > WORTH)]
+    starts = [(one.candidate, start) for one in chosen for start in _starts(one)]
+    minima = on_cores([partial(_minimum, problem, parent, one, start) for one, start in starts], jobs)
+    return [
+        at_minimum(problem, (*parent.effects, one), {**parent.values, **start}, minimum)
+        for (one, start), minimum in zip(starts, minima, strict=True)
+        if minimum is not None
+    ]
+
+
+def _starts(one: ScreenedCandidate) -> list[dict[str, float]]:
+    """Return the start from screening and, for an effect that constants absorb, a large one: it lies far from there."""
+    large = {name: _large(knob) for name, knob in one.candidate.sizes if knob.from_nothing}
+    return [one.start, {**one.start, **large}] if one.survives < ABSORBED and large else [one.start]
+
+
+def _large(knob: EffectParameter) -> float:
+    """Return a size one standard deviation above its median."""
+    median, spread = knob.expected
+    return float(min(median * np.exp(spread), knob.upper))
+
+
+def _minimum(problem: Problem, parent: Hypothesis, one: Candidate, start: dict[str, float]) -> Minimum | None:
+    made = _fitted(problem, (*parent.effects, one), {**parent.values, **start})
+    return None if made is None else made.fit.minimum
+
+
+def _fitted(
+    problem: Problem, effects: tuple[Candidate, ...], values: Mapping[str, float], *, near: bool = False
+) -> Hypothesis | None:
+    """Return the fit; None if it cannot be computed, physics or covariance."""
+    try:
+        made = fitted(problem, effects, values, _EXACT, near=near, fixed=True)
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    return made if np.isfinite(made.log_weight) else None
