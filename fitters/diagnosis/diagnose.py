@@ -85,10 +85,11 @@ def diagnose(
         places = placed_corrections(search.problem, found.final, progress, jobs, thorough=False)
     else:
         places = ()
+    kept = [one for one in found.named if not where_disturbed(gated, one.candidate, final)]
+    found = replace(found, named=tuple(kept))
     # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects
     coarse = found.final.coarseness if found.verdict != "no-mismatch" else 1.0
     told = [(one, _finding(problem, one, found, final, (held_before, held_after), coarse)) for one in found.named]
-    told = [(one, said) for one, said in told if not where_disturbed(gated, one.candidate, final)]
     left = remainder(final)
     findings = [said for one, said in told if one.kind == "finding"]
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
