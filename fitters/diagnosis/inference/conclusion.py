@@ -9,7 +9,6 @@ import numpy as np
 from ....models.base.arrays import Reals
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.instrument_share import accuracy_of
-from ...error_model.prior_scales import FIXTURE
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import CLASS, CLASS_NATS, LEFT, NAMED, RIVALS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
@@ -88,7 +87,7 @@ def conclude(search: GreedySearch) -> Conclusion:
         matters = largest_of(search.problem, final, one) > error
         if not artefact:
             matters = matters or moves_a_constant(constants_of(search.problem, without), after)
-        matters = matters and not (error > 0 and _is_the_fixture(one, final))
+        matters = matters and not (error > 0 and _is_the_fixture(search, one, final))
         share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
         same, others = _alternatives(search, final, one, sure[one].alike)
         named.append(
@@ -176,17 +175,19 @@ def _unexplained_at(one: Hypothesis) -> Reals:
     return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
 
 
-def _is_the_fixture(one: Candidate, final: Hypothesis) -> bool:
-    """Return whether an effect at the terminals is no larger than the usual residual of a compensated fixture."""
-    limits = {
-        "inductance": FIXTURE["inductance"],
-        "resistance": FIXTURE["resistance"],
-        "skin": FIXTURE["skin"],
-        "capacitance": FIXTURE["capacitance"],
-        "conductance": FIXTURE["conductance"],
-    }
-    known = [(final.values[name], limits[knob.name]) for name, knob in one.sizes[:1] if knob.name in limits]
-    return one.where == TERMINALS and bool(known) and all(abs(value) < TOLERATED * limit for value, limit in known)
+def _is_the_fixture(search: GreedySearch, one: Candidate, final: Hypothesis) -> bool:
+    """Return whether what an effect at the terminals does is no more than the usual residual of a compensated fixture.
+
+    Relative to it, root mean square over all points: half an ohm is none, though its lead may hardly have inductance.
+    """
+    if one.where != TERMINALS:
+        return False
+    columns = final.fit.gram.columns
+    usual = np.array([part == "fixture" for part in columns.parts], dtype=bool)
+    deviations = [np.sqrt(np.sum(np.abs(block[:, usual]) ** 2, axis=1)) for block in columns.blocks]
+    changes = change_by(search.problem, final, one)
+    ratios = [np.abs(own) / size for own, size in zip(changes, deviations, strict=True)]
+    return float(np.sqrt(np.mean(np.concatenate(ratios) ** 2))) < TOLERATED
 
 
 def _rms(one: Hypothesis) -> float:

@@ -27,10 +27,11 @@ def exact_hypotheses(
 ) -> list[Hypothesis]:
     """Return the hypotheses without errors that are about as probable as `start`, which has errors, or more.
 
-    Effects are added to those of `start` one by one as long as that helps, if errors complete these to an explanation:
-    nothing hides behind errors that leave more than noise anyway.
+    Effects are added to those of `start` one by one as long as that helps, provided that its errors leave nothing but
+    noise: nothing hides behind others.
     """
-    begun = _fitted(problem, start.effects, start.values) if start.fit.shortfall == 0 else None
+    hidden = start.fit.shortfall == 0 and not start.fit.sizes.exact
+    begun = _fitted(problem, start.effects, start.values) if hidden else None
     if begun is None:
         return []
     found, best = {begun.key: begun}, begun
@@ -101,7 +102,7 @@ def _fitted(
 ) -> Hypothesis | None:
     """Return the fit; None if it cannot be computed, physics or covariance."""
     try:
-        made = fitted(problem, effects, values, _EXACT, near=near, fixed=True)
+        made = fitted(problem, effects, values, _EXACT, near=near, rounds=1, fixed=True)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None
     return made if np.isfinite(made.log_weight) else None

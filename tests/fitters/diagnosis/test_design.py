@@ -133,7 +133,7 @@ def test_another_level_is_proposed_where_it_decides(told: tuple[FitTask, Diagnos
     ("hidden", "size", "at_first", "kind", "parameter", "value"),
     [
         ("drive-nonlinearity", 60.0, ["drive-nonlinearity"], "level", "softening", 60.0),
-        ("sweep-lag", 4e-3, [], "", "lag", 4e-3 * 2e6 / (80 * 0.16)),
+        ("sweep-lag", 4e-3, ["sweep-lag"], "", "lag", 4e-3 * 2e6 / (80 * 0.16)),
         ("temperature-drift", 1e-3, [], "", "relative", None),
     ],
 )
