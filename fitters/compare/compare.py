@@ -330,12 +330,13 @@ def _sizes(fit: Fitted, k: int) -> dict[str, Size]:
     change, own = fit.hypothesis.changes[k], fit.hypothesis.slices[k]
     made = {name: Size(value, u, unit) for name, (value, u, unit) in fit.sizes(k).items()}
     if isinstance(change, TwoPort | ModelChange) and change.derived is not None:
-        covariance = fit.outcome.covariance[own, own]
-        values = fit.hypothesis.values(fit.outcome.total, k)
+        total, every = fit.reported
+        covariance = every[own, own]
+        values = fit.hypothesis.values(total, k)
         for name, (value, unit) in change.derived(values).items():
             slopes = np.zeros(covariance.shape[0])
             for j in range(slopes.size):
-                moved = fit.outcome.total.copy()
+                moved = total.copy()
                 moved[own.start + j] += 1e-4
                 slopes[j] = (change.derived(fit.hypothesis.values(moved, k))[name][0] - value) / 1e-4
             made[name] = Size(value, float(np.sqrt(max(slopes @ covariance @ slopes, 0.0))), unit)

@@ -44,7 +44,7 @@ class FormulaErrors:
     """Shape (N, K)."""
 
 
-def _exact(change: Change) -> bool:
+def exact(change: Change) -> bool:
     """Return whether an error of a change's formula is computed exactly: a two-port whose main size is positive."""
     return isinstance(change, TwoPort) and bool(change.sizes) and not change.sizes[0].signed
 
@@ -119,7 +119,7 @@ class Hypothesis:
     def _over_frequency(self, x: Reals, k: int) -> Mapping[str, Any]:
         """Return the sizes of change `k`, the main one with the error of its formula: complex, shape (N,)."""
         values: dict[str, Any] = dict(self.values(x, k))
-        if self.formula is not None and _exact(self.changes[k]):
+        if self.formula is not None and exact(self.changes[k]):
             main = self.changes[k].sizes[0].name
             values[main] = values[main] * np.exp(self.formula.curves[:, self._sized.index(k)])
         return values
@@ -133,7 +133,7 @@ class Hypothesis:
         """Return the same with these errors of the changes' formulas where they are known beyond first order."""
         each = coefficients.reshape(len(self._sized), -1).copy() if self._sized else coefficients
         for row, k in enumerate(self._sized):
-            if not _exact(self.changes[k]):
+            if not exact(self.changes[k]):
                 each[row] = 0.0
         return replace(self, formula=FormulaErrors(each.ravel(), errors.formula_errors(each.ravel())))
 
@@ -281,8 +281,22 @@ class Fitted:
     def sizes(self, k: int) -> Mapping[str, tuple[float, float, str]]:
         """Return value, standard uncertainty and unit of the sizes of change `k`."""
         change, own = self.hypothesis.changes[k], self.hypothesis.slices[k]
-        sd = np.sqrt(np.maximum(np.diag(self.outcome.covariance)[own], 0.0))
+        total, covariance = self.reported
+        sd = np.sqrt(np.maximum(np.diag(covariance)[own], 0.0))
         return {
             size.name: (size.value(float(x)), float(abs(size.slope(float(x))) * u), size.unit)
-            for size, x, u in zip(change.sizes, self.outcome.total[own], sd, strict=True)
+            for size, x, u in zip(change.sizes, total[own], sd, strict=True)
         }
+
+    @cached_property
+    def reported(self) -> tuple[Reals, Reals]:
+        """The coordinates that are reported and their covariance, shapes (P,) and (P, P).
+
+        The main size of a two-port is that in the middle of the band; of a change in the device, the one that fits
+        the whole band best.
+        """
+        pairs = zip(self.hypothesis.changes, self.hypothesis.slices, strict=True)
+        main = [
+            (own.start, 1 / change.sizes[0].spread if exact(change) else 0.0) for change, own in pairs if change.sizes
+        ]
+        return self.errors.sized(self.at, self.outcome, main)

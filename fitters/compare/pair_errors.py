@@ -64,10 +64,8 @@ _FLAT, _STEEP = 3e-3, 3e-4
 """Errors with which a start is sought: of ln Z, and a drift."""
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that chance exceeds in one recording of twenty."""
-_FURTHEST_DRIFT = 2e-3
-"""Largest drift about which errors are linearised; a larger shift is not drift."""
-_SETTLED, _STRIDE = 0.02, 0.7
-"""Of a drift's linearisation: the step, in half widths of the resonance, that ends it, and the largest one."""
+_NEGLIGIBLE = 1e-3
+"""Probability of sizes of the errors below which they are left out of an average."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,6 +316,64 @@ class PairErrors:
         return Outcome(
             told[0], told[1], sizes, x, covariance, cost, left, x + share @ drift, moved, model, formula, imitated
         )
+
+    def sized(self, at: Linearised, outcome: Outcome, main: Sequence[tuple[int, float]]) -> tuple[Reals, Reals]:
+        """Return the coordinates including the part imitated by drift, and their covariance, shapes (P,) and (P, P).
+
+        Averaged over the sizes of the errors, each varied by itself. `main`: of each change, the coordinate of its
+        main size and how much it moves for a unit relative error in the middle of the band (0: the size is the one
+        that fits the whole band best, with the part of the formula's error that it imitates).
+        """
+        X, where = self.columns(at)
+        kernel = Kernel([self.points(at)], outcome.sizes.colour, (outcome.sizes.rest, 0.0))
+        G, numbers = kernel.white([X]).squared(), 2 * int(np.count_nonzero(np.isfinite(self.pair.noise_after)))
+        T = self._reported(at, where, main, G.shape[0] - 1)
+        trials = [(one, self._density(G, where, one, numbers)) for one in outcome.sizes.neighbours()]
+        logs = np.array([value for _, value in trials])
+        chances = np.exp(logs - np.logaddexp.reduce(logs))
+        mean, square = np.zeros(at.x.size), np.zeros((at.x.size, at.x.size))
+        for chance, (sizes, _) in zip(chances, trials, strict=True):
+            if chance < _NEGLIGIBLE:
+                continue
+            inverse, a = posterior_of(G / sizes.noise**2, scale_of(where, sizes, G.shape[0]))
+            x = T @ a
+            mean = mean + chance * x
+            square = square + chance * (T @ inverse @ T.T + self._lacking(at, where, sizes) + np.outer(x, x))
+        total = float(np.sum(chances[chances >= _NEGLIGIBLE]))
+        mean = mean / total
+        return mean, square / total - np.outer(mean, mean)
+
+    def _density(self, G: Reals, where: dict[str, slice], sizes: Sizes, numbers: int) -> float:
+        """Return ln of the residual's density times prior, but for a constant."""
+        scale = scale_of(where, sizes, G.shape[0])
+        return log_density(G / sizes.noise**2, 2 * numbers * log(sizes.noise), scale) + sizes.log_prior
+
+    def _reported(
+        self, at: Linearised, where: dict[str, slice], main: Sequence[tuple[int, float]], count: int
+    ) -> Reals:
+        """Return the coordinates that are reported, by the coefficients of all columns, shape (P, M)."""
+        T = np.zeros((at.x.size, count))
+        own, formula = where["x"], where["shape"]
+        T[:, own.start - 1 : own.stop - 1] = np.eye(at.x.size)
+        drift = [k for name in ("drift", "wander") for k in range(where[name].start - 1, where[name].stop - 1)]
+        T[:, drift] = self._shares(at)
+        _, imitated = _beside(self._of_formula(at), at.slopes, 1 / self.points(at).noise)
+        width = self._shape.shape[1]
+        middle = self._shape[int(np.argmin(np.abs(self.pair.log_f - np.mean(self.pair.log_f[[0, -1]]))))]
+        for k, (row, moves) in enumerate(main):
+            if not moves:
+                continue
+            first = formula.start - 1 + 2 * width * k
+            T[row, first : first + 2 * width] -= imitated[row, 2 * width * k : 2 * width * (k + 1)]
+            T[row, first : first + width] += moves * middle
+        return T
+
+    def _lacking(self, at: Linearised, where: dict[str, slice], sizes: Sizes) -> Reals:
+        """Return the covariance of changes in the device by usual drift beyond the drift found, shape (P, P)."""
+        share = self._shares(at)
+        lacking = [max(_USUAL_DRIFT - size, 0.0) for size in (sizes.drift, sizes.wander)]
+        usual = np.repeat(lacking, [where[name].stop - where[name].start for name in ("drift", "wander")])
+        return (share * usual**2) @ share.T
 
     def _shares(self, at: Linearised) -> Reals:
         """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""

@@ -23,7 +23,7 @@ GRIDS: dict[str, Grid] = {
     "fixture": {0.0: 0.5, 1.0: 0.5},
     "drift": {3e-6: 0.2, 3e-5: 0.2, 1e-4: 0.35, 3e-4: 0.2, 1e-3: 0.05},
     "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.1},
-    "shape": {0.0: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
+    "shape": {3e-3: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
 }
 COLOURS: Grid = {0.0: 0.6, 0.3: 0.2, 0.5: 0.12, 0.65: 0.05, 0.8: 0.03}
 """Correlation of the noise of neighbouring points."""
@@ -54,6 +54,16 @@ class Sizes:
         """Ln of its probability on the grids."""
         parts = sum(log(grid[getattr(self, name)]) for name, grid in GRIDS.items())
         return parts + log(RESTS[self.rest]) + log(COLOURS[self.colour])
+
+    def neighbours(self) -> "tuple[Sizes, ...]":
+        """Return these sizes, and those that differ from them in one size other than of the rest or its colour."""
+        others = [
+            replace(self, **{name: size})
+            for name, grid in GRIDS.items()
+            for size in grid
+            if size != getattr(self, name)
+        ]
+        return (self, *others)
 
     def at_most(self, others: "Sizes") -> "Sizes":
         """Return these sizes, limited to the given ones."""

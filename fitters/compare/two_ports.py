@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...models.circuits.terminals import skin
 from .change import TERMINALS, ChangeSize, Values
 
@@ -105,12 +105,21 @@ def _resistance(f: Frequencies, v: Values) -> Matrix:
 def coil(f: Frequencies, v: Values) -> Complexes:
     """Return a coil's impedance in ohm, shape (N,): core and wire parallel to its own capacitance.
 
-    A core's permeability falls as (jf)^-core, with the loss that causality requires. The inductance is that in the
-    middle of the band, with the internal one of the wire.
+    A core's permeability falls as (jf)^-core, with the loss that causality requires, and relaxes far above the band:
+    its loss tangent grows with f to `core loss` in the middle. It is that of a part of the flux only, `core part`; the
+    rest goes through air. The inductance is that in the middle of the band, with core and the internal one of the wire.
     """
     jw, middle = j_omega(f), float(np.sqrt(f[0] * f[-1]))
-    wire = jw * v["inductance"] * (1j * f / middle) ** -v["core"] + v["resistance"] + v["skin"] * _rough(f)
-    return wire / (1 + (jw * v["own capacitance"] + v["own conductance"]) * wire)
+    core = _core(f / middle, v) / _core(np.ones(1), v).real
+    wire = jw * v["inductance"] * core + v["resistance"] + v["skin"] * _rough(f)
+    return wire / (1 + jw * v["own capacitance"] * wire)
+
+
+def _core(x: Reals, v: Values) -> Complexes:
+    """Return the relative permeability of a core, but for a factor, at frequencies relative to the middle, (N,)."""
+    part = v["core part"]
+    relaxed = 1 - part + part / (1 + 1j * v["core loss"] / part * x)
+    return np.asarray((1j * x) ** -v["core"] * relaxed, np.complex128)
 
 
 def _is_coil(f: Frequencies, v: Values) -> bool:
@@ -147,7 +156,8 @@ _COIL = (
     ChangeSize("own capacitance", "F", 1e-11, 1.2),
     ChangeSize("skin", "ohm", 0.1, 2.5),
     ChangeSize("core", "1", 5e-3, 1.2),
-    ChangeSize("own conductance", "S", 1e-6, 2.0),
+    ChangeSize("core loss", "1", 5e-3, 1.5),
+    ChangeSize("core part", "1", 0.6, 0.4, limits=(0.05, 1.0)),
 )
 """Chokes and tuning coils of 0.2 uH to 5 mH."""
 _CAPACITOR = (ChangeSize("capacitance", "F", 1e-10, 2.5), ChangeSize("loss tangent", "1", 2e-3, 1.5))

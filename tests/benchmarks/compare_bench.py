@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from compare_world import MadePair, cable, seen_through, series, shunt
+from compare_world import MadePair, cable, inductance, seen_through, series, shunt
 
 from pzctl.models.sweep import Sweep
 
@@ -132,12 +132,13 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
         L = zm * 10 ** rng.uniform(-0.7, 0.1) / w
         z = 1j * wg * L + w * L / 40 * np.sqrt(1j * g / middle)
         elements = [series(z / (1 + 1j * wg * 4e-12 * z))]
-        made = replace(made, effect="series-coil", also=("lead-inductance",), sizes=(("inductance", L),))
+        sizes = (("inductance", inductance(g, z)),)
+        made = replace(made, effect="series-coil", also=("lead-inductance",), sizes=sizes)
     elif kind == "across":
         L = zm * 10 ** rng.uniform(-0.1, 0.5) / w
         z = 1j * wg * L + w * L / 40 * np.sqrt(1j * g / middle)
         elements = [shunt(1 / z + 1j * wg * 4e-12)]
-        made = replace(made, effect="shunt-coil", sizes=(("inductance", L),))
+        made = replace(made, effect="shunt-coil", sizes=(("inductance", inductance(g, z)),))
     elif kind == "capacitor":
         C = clamped * 10 ** rng.uniform(-1, 0.3)
         elements = [shunt(1j * wg * C * (1 - 2e-3j))]

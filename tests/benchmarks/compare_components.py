@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from compare_bench import Mode, admittance, as_written, branch
-from compare_world import LEVEL, RECORDINGS, MadePair, seen_through, series, shunt
+from compare_world import LEVEL, RECORDINGS, MadePair, inductance, seen_through, series, shunt
 from scipy.special import ive
 
 from pzctl.drivers.recordings import read_recording
@@ -32,8 +32,10 @@ def wire(rng: np.random.Generator, f: np.ndarray, henry: float) -> np.ndarray:
     return 2j * np.pi * f * henry + inside + 10 ** rng.uniform(-3, -1)
 
 
-def coax(rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, speed: float) -> list[np.ndarray]:
-    """Return a coaxial cable: external inductance, wire, capacitance and loss of the dielectric."""
+def coax(
+    rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, speed: float
+) -> tuple[list[np.ndarray], tuple[tuple[str, float], ...]]:
+    """Return a coaxial cable: external inductance, wire, capacitance and loss of the dielectric; and its sizes."""
     w = 2 * np.pi * f
     inner = 10 ** rng.uniform(-3.8, -3.3)
     z = 1j * w * ohm / speed + round_wire(f, 1.0, inner) * (1 + 0.3)
@@ -42,7 +44,7 @@ def coax(rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, spe
     M = np.empty((f.size, 2, 2), complex)
     M[:, 0, 0] = M[:, 1, 1] = np.cosh(root)
     M[:, 0, 1], M[:, 1, 0] = Z0 * np.sinh(root), np.sinh(root) / Z0
-    return [M]
+    return [M], (("capacitance", meters / ohm / speed), ("inductance", meters * inductance(f, z)))
 
 
 def coil(rng: np.random.Generator, f: np.ndarray, henry: float, middle: float) -> tuple[np.ndarray, float]:
@@ -64,11 +66,6 @@ def coil(rng: np.random.Generator, f: np.ndarray, henry: float, middle: float) -
     own = 10 ** rng.uniform(-12, -10.8)
     own = min(own, 0.3 / ((2 * np.pi * middle) ** 2 * henry))
     return z / (1 + 1j * w * own * (1 - 0.02j) * z), inductance(f, z)
-
-
-def inductance(f: np.ndarray, z: np.ndarray) -> float:
-    """Return the inductance in the middle of the band."""
-    return float(np.interp(np.sqrt(f[0] * f[-1]), f, z.imag / (2 * np.pi * f)))
 
 
 def plate(rng: np.random.Generator, middle: float, clamped: float) -> Device:
@@ -157,8 +154,7 @@ def _pair(rng: np.random.Generator, kind: str) -> MadePair:
     if kind == "cable":
         meters, ohm = 10 ** rng.uniform(-1, 0.5), float(rng.choice([50, 75, 100]))
         speed = 3e8 * rng.uniform(0.66, 0.85)
-        elements = coax(rng, g, meters, ohm, speed)
-        sizes = (("capacitance", meters / speed / ohm), ("inductance", meters / speed * ohm))
+        elements, sizes = coax(rng, g, meters, ohm, speed)
         truth = {"effect": "cable", "also": ("stray-capacitance", "lead-inductance"), "sizes": sizes}
     elif kind == "coil":
         L = zm * 10 ** rng.uniform(-0.8, 0.2) / w

@@ -81,6 +81,11 @@ def cable(f: np.ndarray, meters: float, ohm: float, db_per_m: float) -> np.ndarr
     return M
 
 
+def inductance(f: np.ndarray, z: np.ndarray) -> float:
+    """Return the inductance in the middle of the band."""
+    return float(np.interp(np.sqrt(f[0] * f[-1]), f, z.imag / (2 * np.pi * f)))
+
+
 Draw = Callable[[np.random.Generator, np.ndarray, float], tuple[list[np.ndarray], tuple]]
 
 
