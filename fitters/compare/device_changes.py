@@ -15,26 +15,17 @@ from scipy.interpolate import make_lsq_spline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from .change import DEVICE, ChangeSize, Values
+from .drive_levels import AmplitudeDependent, driven
 from .pair import Pair
-from .resonances import Resonances, changed, pole_terms, slope_of
+from .resonances import Resonances, State, changed, pole_terms, slope_of
 
 _MOST = 8
 """Number of resonances tried as the only changed one. A budget."""
 _USUAL = 0.03
 _KNOT = 4
 """Points between the knots of the smoothed remainder."""
-_KNOWN_LEVEL, _SAME_LEVEL, _UNKNOWN_LEVEL = 0.5, 1e-4, 0.02
-"""Prior odds of a dependence on amplitude if the files state two levels, one level, or none."""
-_ROUNDS, _AGREED = 40, 1e-9
-"""Of the iteration for the amplitude of a bent resonance."""
-_LEAST = 0.1
-"""Smallest factor of a stiffness or a loss."""
 _PLACES, _QS = 160, (20.0, 60.0, 200.0)
 """Grid for the search of a new resonance."""
-
-
-State = tuple[Impedances, Resonances]
-"""The impedance (ohm) and its resonances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,61 +115,6 @@ class NewResonance:
         return 1 / (1 / Z + branch), own
 
 
-@dataclass(frozen=True, eq=False)
-class AmplitudeDependent:
-    """Resonances soften and lose more with their amplitude: another drive level.
-
-    The amplitude of a resonance is the voltage over its motional capacitance, so that a resonance with twice the Q
-    softens twice as much. Softening is that of the frequency. Both sizes are those at the largest amplitude that the
-    strongest resonance of the recording at the lower level would have at the higher one.
-    """
-
-    resonances: Resonances
-    odds: float
-    ratio: float
-    """Of the lower level to the higher one."""
-    lower: Resonances | None = None
-    """Those of the recording after, if it is the one at the lower level; None for those before."""
-    effect: str = "drive-nonlinearity"
-    where: str = DEVICE
-    says: str = "Resonances are softer and lose more where the device moves most: it depends on the drive level."
-    sizes: tuple[ChangeSize, ...] = (
-        ChangeSize("softening", "1", 0.0, 2e-3, signed=True),
-        ChangeSize("loss", "1", 0.0, 0.3, signed=True),
-    )
-    starts: tuple[tuple[float, ...], ...] = ()
-
-    def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
-        """Return Z with every pole shifted in proportion to the growth of its own amplitude (Rayleigh's law).
-
-        The amplitude is that of the bent resonance itself, found by iteration. Poles within each other's width
-        describe one resonance.
-        """
-        low = self.lower or own
-        before = low.seen(frequency)
-        apart = np.abs(low.poles[:, None] - low.poles) + (low.poles.real[:, None] + low.poles.real)
-        together = (apart <= 0).astype(np.float64)
-        np.fill_diagonal(together, 1.0)
-        # The voltage over a motional capacitance 2 |r| / |p|^2, as a part of the strongest resonance's at its peak.
-        scale = np.abs(low.poles) ** 2 / (2 * np.abs(low.residues) @ together) / frequency[:, None]
-        strongest = np.argmax(np.abs(low.residues / low.poles.real))
-        scale = scale / np.max(np.abs(before @ together)[:, strongest] * scale[:, strongest])
-        size = np.abs(before @ together) * scale
-        now, after = before, size
-        for _ in range(_ROUNDS):
-            part = after - self.ratio * size
-            softer = np.sqrt(np.maximum(1 - 2 * values["softening"] * part, _LEAST))
-            lossier = np.maximum(1 + values["loss"] * part, _LEAST)
-            poles = np.asarray(low.poles.real * lossier + 1j * low.poles.imag * softer, np.complex128)
-            now = pole_terms(frequency, poles, low.residues)
-            change = np.abs(now @ together) * scale - after
-            after = after + change / 2
-            if np.max(np.abs(change)) < _AGREED:
-                break
-        bent = np.sum(now - before, axis=1)
-        return 1 / (1 / Z + (bent if self.lower is None else -bent)), own
-
-
 DeviceChange = Scaled | Moved | NewResonance | AmplitudeDependent
 _SHIFT = ChangeSize("shift", "1", 0.0, 5e-3, signed=True)
 _Q = ChangeSize("ln Q", "1", 0.0, 0.5, signed=True)
@@ -212,26 +148,10 @@ def device_changes(pair: Pair, own: Resonances, after: Resonances) -> tuple[Devi
         made += [
             Moved(own, "damping", damped, (_Q,), every),
             Moved(own, "strength", weaker, (_STRENGTH,), every),
-            _driven(pair, own, after),
+            driven(pair, own, after),
             *(_alone(own, k, len(strongest)) for k in strongest),
         ]
     return tuple(made)
-
-
-def _driven(pair: Pair, own: Resonances, after: Resonances) -> AmplitudeDependent:
-    """Return the dependence on amplitude; levels that are not stated or equal count as if that before were none."""
-    first, second = pair.levels
-    if not first or not second or first == second:
-        return AmplitudeDependent(own, _level_odds(pair), 0.0)
-    ratio = min(first, second) / max(first, second)
-    return AmplitudeDependent(own, _level_odds(pair), ratio, after if second < first and after.poles.size else None)
-
-
-def _level_odds(pair: Pair) -> float:
-    first, second = pair.levels
-    if first is None or second is None:
-        return _UNKNOWN_LEVEL
-    return _SAME_LEVEL if first == second else _KNOWN_LEVEL
 
 
 def _alone(own: Resonances, k: int, count: int) -> Moved:

@@ -116,8 +116,14 @@ def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | 
     best = _relinearised(start)
     if best.outcome.sizes.rest > 0:
         best = max(best, _annealed(start), key=lambda place: place.outcome.log_evidence)
-    best = _moved(best, tuple(RESTS))
+    best = max(_here(best), _moved(best, tuple(RESTS)), key=lambda place: place.outcome.log_evidence)
     return Fitted(best.hypothesis, best.x, best.at, best.outcome, best.errors)
+
+
+def _here(place: _Place) -> _Place:
+    """Return the same place with every size of a rest and every correlation of the noise."""
+    outcome = place.errors.outcome(place.at, tuple(RESTS), place.outcome.sizes, colours=True)
+    return replace(place, outcome=outcome)
 
 
 def _approached(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None) -> _Place:

@@ -214,6 +214,7 @@ class Hypothesis:
             f,
             each,
             formula=None if self.formula is None else self.formula.coefficients,
+            exact=tuple(exact(self.changes[k]) for k in self._sized),
         )
         return self._with_model(made) if drift else made
 

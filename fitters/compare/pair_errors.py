@@ -93,6 +93,8 @@ class Linearised:
     """Their coefficients about which the model is linearised, shape (K,)."""
     formula: Reals | None = None
     """Coefficients of the errors of the changes' formulas about which they are linearised; None for zeros."""
+    exact: tuple[bool, ...] = ()
+    """Of each change with sizes, whether the error of its formula is known beyond first order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +209,7 @@ class PairErrors:
         if at.model is not None:
             groups["model"] = at.model
         of_formula = self._of_formula(at)
-        groups["shape"], _ = _beside(of_formula, at.slopes, 1 / self.points(at).noise)
+        groups["shape"], _ = self._beside_sizes(at, of_formula)
         where: dict[str, slice] = {}
         first = 1
         for name, block in groups.items():
@@ -220,6 +222,19 @@ class PairErrors:
         if at.formula is not None:
             r = r + of_formula @ at.formula
         return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
+
+    def _beside_sizes(self, at: Linearised, of_formula: Complexes) -> tuple[Complexes, Reals]:
+        """Return the errors of formulas without the part that sizes imitate, and that part, where they are of first order.
+
+        Where a formula's errors are known beyond first order, both are estimated together.
+        """
+        columns, shares = of_formula.copy(), np.zeros((at.x.size, of_formula.shape[1]))
+        linear = np.repeat([not exact for exact in at.exact], of_formula.shape[1] // max(len(at.exact), 1))
+        if np.any(linear):
+            columns[:, linear], shares[:, linear] = _beside(
+                of_formula[:, linear], at.slopes, 1 / self.points(at).noise
+            )
+        return columns, shares
 
     def _of_formula(self, at: Linearised) -> Complexes:
         """Return d ln Z / d coefficient of the error of each change's formula, shape (N, K)."""
@@ -311,7 +326,7 @@ class PairErrors:
         cost = float(G[0, 0] - G[0, 1:] @ a)
         model = a[where["model"].start - 1 : where["model"].stop - 1] if "model" in where else a[:0]
         formula = a[where["shape"].start - 1 : where["shape"].stop - 1]
-        _, imitated = _beside(self._of_formula(at), at.slopes, 1 / self.points(at).noise)
+        _, imitated = self._beside_sizes(at, self._of_formula(at))
         left = X[:, 0] - X[:, 1:] @ a
         return Outcome(
             told[0], told[1], sizes, x, covariance, cost, left, x + share @ drift, moved, model, formula, imitated
@@ -357,14 +372,12 @@ class PairErrors:
         T[:, own.start - 1 : own.stop - 1] = np.eye(at.x.size)
         drift = [k for name in ("drift", "wander") for k in range(where[name].start - 1, where[name].stop - 1)]
         T[:, drift] = self._shares(at)
-        _, imitated = _beside(self._of_formula(at), at.slopes, 1 / self.points(at).noise)
         width = self._shape.shape[1]
         middle = self._shape[int(np.argmin(np.abs(self.pair.log_f - np.mean(self.pair.log_f[[0, -1]]))))]
         for k, (row, moves) in enumerate(main):
             if not moves:
                 continue
             first = formula.start - 1 + 2 * width * k
-            T[row, first : first + 2 * width] -= imitated[row, 2 * width * k : 2 * width * (k + 1)]
             T[row, first : first + width] += moves * middle
         return T
 

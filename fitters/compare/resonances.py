@@ -58,6 +58,10 @@ class Resonances:
         return made
 
 
+State = tuple[Impedances, Resonances]
+"""The impedance (ohm) and its resonances."""
+
+
 def pole_terms(frequency: Frequencies, poles: Complexes, residues: Complexes) -> Complexes:
     """Return r/(jf - p) + r*/(jf - p*), S, shape (N, P); poles and residues may differ from point to point."""
     s = 1j * frequency[:, None]

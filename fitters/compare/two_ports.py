@@ -133,10 +133,13 @@ def _capacitor(f: Frequencies, v: Values) -> Complexes:
 
 
 def _line(f: Frequencies, v: Values) -> Matrix:
-    Z0 = v["impedance"]
-    x = (j_omega(f) / VELOCITY + v["loss"] * skin(f)) * v["length"]
+    """Return a line: skin effect in its conductors, and an inductance that is that in the middle of the band."""
+    Z0, jw = v["impedance"], j_omega(f)
+    along = (jw / VELOCITY + 2 * v["loss"] * _rough(f)) * v["length"] * Z0
+    across = jw / VELOCITY * v["length"] / Z0
+    x, Z = np.sqrt(along * across), np.sqrt(along / across)
     cosh, sinh = np.asarray(np.cosh(x), np.complex128), np.asarray(np.sinh(x), np.complex128)
-    return cosh, Z0 * sinh, sinh / Z0, cosh
+    return cosh, Z * sinh, sinh / Z, cosh
 
 
 def _of_line(v: Values) -> dict[str, tuple[float, str]]:

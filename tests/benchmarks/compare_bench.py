@@ -162,7 +162,7 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
         first = 1 / admittance(f, modes, clamped, low, soft, lossy)
         second = 1 / admittance(g, drifted(rng, modes), clamped, high, soft, lossy)
         before, after = as_written(f, first, rng, low), as_written(g, second, rng, high)
-        largest = high / low * float(np.max(branch(f, modes[0], clamped, (low, soft, lossy))[1]))
+        largest = float(np.max(branch(g, modes[0], clamped, (high, soft, lossy))[1]))
         sizes = (("softening", soft * largest / 2),)
         return replace(made, before=before, after=after, effect="drive-nonlinearity", sizes=sizes)
     elif kind == "same kind":

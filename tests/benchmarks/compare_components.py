@@ -235,7 +235,7 @@ def _levels(rng: np.random.Generator) -> MadePair:
     soft, lossy = bend / q / (high * q), rng.uniform(0.05, 0.6) / (high * q)
     now = drifted(rng, modes, 1e-4 * rng.normal())
     first, second = admittance(f, modes, clamped, low, soft, lossy), admittance(f, now, clamped, high, soft, lossy)
-    largest = high / low * float(np.max(branch(f, modes[0], clamped, (low, soft, lossy))[1]))
+    largest = float(np.max(branch(f, modes[0], clamped, (high, soft, lossy))[1]))
     before, after = as_written(f, 1 / first, rng, low), as_written(f, 1 / second, rng, high)
     made = MadePair("", before, after, "drive-nonlinearity", (), (("softening", soft * largest / 2),))
     return made if bend < 0.8 else replace(made, effect="beyond the law", also=("drive-nonlinearity",))

@@ -208,7 +208,7 @@ def _levels(rng: np.random.Generator) -> MadePair:
     soft, lossy = 10 ** rng.uniform(-0.9, -0.15) / q / (high * q), rng.uniform(0.05, 0.5) / (high * q)
     now = [(f0 * (1 + 1e-4 * rng.normal()), q, c) for f0, q, c in modes]
     first, second = admittance(f, modes, 1e-9, low, soft, lossy), admittance(f, now, 1e-9, high, soft, lossy)
-    largest = high / low * float(np.max(branch(f, modes[0], 1e-9, (low, soft, lossy))[1]))
+    largest = float(np.max(branch(f, modes[0], 1e-9, (high, soft, lossy))[1]))
     before, after = bridge(rng, low)(f, 1 / first), bridge(rng, high)(f, 1 / second)
     return MadePair("two levels", before, after, "drive-nonlinearity", (), (("softening", soft * largest / 2),))
 

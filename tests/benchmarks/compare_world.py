@@ -241,7 +241,9 @@ def in_device(seed: int, count: int) -> Iterator[MadePair]:
         elif kind == "new-resonance":
             place, part = float(rng.uniform(0.8e6, 1.2e6)), 10 ** rng.uniform(-2.0, -1.2)
             now.append([place, 10 ** rng.uniform(1.5, 2.2), part])
-            size = (("frequency", place),)
         drift = 1 + DRIFT * rng.normal()
-        after = circuit(f, [[f0 * drift * (1 + DRIFT * rng.normal() / 2), q, c] for f0, q, c in now])
+        now = [[f0 * drift * (1 + DRIFT * rng.normal() / 2), q, c] for f0, q, c in now]
+        if kind == "new-resonance":
+            size = (("frequency", now[-1][0]),)  # as it is when it is recorded
+        after = circuit(f, now)
         yield MadePair(f"circuit {k}", as_measured(f, circuit(f, own), rng), as_measured(f, after, rng), kind, (), size)
