@@ -17,6 +17,7 @@ from .change import TERMINALS
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy, Verdict
 from .device_changes import Scaled, device_changes
 from .drift import STRENGTH
+from .drive_levels import AmplitudeDependent, driven
 from .fit import fitted
 from .hypothesis import Change, Fitted, Hypothesis
 from .limits import limits, repeatability
@@ -61,9 +62,11 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep], build: Build | None
     own = resonances_of(poles, pair, pair.before)
     after_poles = fitted_poles(pair, pair.after, pair.noise_after, poles)
     now = resonances_of(after_poles, pair, pair.after)
+    levels = driven(pair, own, now)
+    own = levels.resonances
     errors = PairErrors(pair, (own, now))
     inside, described = ((), None) if build is None else _inside(build, step, pair, own, (before, after))
-    searched = search(errors, (*two_ports(), *device_changes(pair, own, now), *inside), after_poles)
+    searched = search(errors, (*two_ports(), *device_changes(pair, own), levels, *inside), after_poles)
     found = concluded(errors, searched, began)
     return replace(found, resonances=resonance_shifts(pair, poles, after_poles), described_by=described)
 
@@ -130,7 +133,10 @@ def _usual(errors: PairErrors, fit: Fitted, k: int) -> bool:
 
     Noise is not included in that difference, since it is known and accounted for separately.
     """
-    if isinstance(fit.hypothesis.changes[k], Scaled):
+    change = fit.hypothesis.changes[k]
+    if isinstance(change, AmplitudeDependent) and change.known:
+        return False  # levels that differ are another reason than a usual difference
+    if isinstance(change, Scaled):
         sizes = fit.hypothesis.values(fit.outcome.total, k)
         return abs(sizes["shift"]) < _WARM and abs(sizes["capacitance"]) < STRENGTH * _WARM
     pair = errors.pair

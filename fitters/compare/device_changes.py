@@ -15,7 +15,7 @@ from scipy.interpolate import make_lsq_spline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from .change import DEVICE, ChangeSize, Values
-from .drive_levels import AmplitudeDependent, driven
+from .drive_levels import AmplitudeDependent
 from .pair import Pair
 from .resonances import Resonances, State, changed, pole_terms, slope_of
 
@@ -137,8 +137,8 @@ def _smoothed(u: Reals, rest: Complexes) -> Callable[[Reals], Complexes]:
     return at
 
 
-def device_changes(pair: Pair, own: Resonances, after: Resonances) -> tuple[DeviceChange, ...]:
-    """Return the possible changes in a device, from its resonances before and after."""
+def device_changes(pair: Pair, own: Resonances) -> tuple[DeviceChange, ...]:
+    """Return the possible changes in a device, from its resonances before; `driven` returns that by a drive level."""
     made: list[DeviceChange] = [Scaled(own), _new(pair, own)]
     every = tuple(range(own.poles.size))
     if every:
@@ -148,7 +148,6 @@ def device_changes(pair: Pair, own: Resonances, after: Resonances) -> tuple[Devi
         made += [
             Moved(own, "damping", damped, (_Q,), every),
             Moved(own, "strength", weaker, (_STRENGTH,), every),
-            driven(pair, own, after),
             *(_alone(own, k, len(strongest)) for k in strongest),
         ]
     return tuple(made)

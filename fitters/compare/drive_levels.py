@@ -12,7 +12,7 @@ recordings; what they leave of the lower one is in both and cancels.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from .change import DEVICE, ChangeSize, Values
@@ -30,8 +30,9 @@ _MOST, _STRIDE, _NEAR, _GROUND = 8, 4, 4.0, 4
 of them; polynomials of the ground's capacitance and conductance. Budgets."""
 _APART = (1.0, 0.5, 0.25)
 """Distances below which poles describe one resonance, in the sum of their half widths."""
-_GAIN, _DRIFT = 2e-3, 1e-4
-"""Errors of ln Y and of ln f in that fit."""
+_STEP = 1e-4
+_FORM, _DRIFT = 3e-4, 1e-4
+"""Errors of ln Y by the form of the resonances, and of ln f, in that fit."""
 _SPREADS = np.array([1.0, 0.5, 0.3])
 """Of each resonance's frequency (half widths), ln Q and ln strength about their starts."""
 _FURTHEST = 5.0
@@ -49,6 +50,7 @@ class AmplitudeDependent:
     """
 
     resonances: Resonances
+    """Those that drift: without amplitude where the levels are known, else of the recording before."""
     odds: float
     ratios: tuple[float, float]
     """The level before and after, relative to the higher one."""
@@ -56,6 +58,8 @@ class AmplitudeDependent:
     """The resonances as they are without amplitude."""
     reached: float = 1.0
     """That largest amplitude, relative to what it would be without softening and further loss."""
+    fitted: "Fitted | None" = None
+    """How those resonances follow the law, so that they always describe the recording at the lower level."""
     starts: tuple[tuple[float, ...], ...] = ()
     effect: str = "drive-nonlinearity"
     where: str = DEVICE
@@ -66,16 +70,23 @@ class AmplitudeDependent:
         ChangeSize("exponent", "1", 1.0, 0.3, signed=True, limits=(0.3, 4.0)),
     )
 
+    @property
+    def known(self) -> bool:
+        """Whether the files state two levels."""
+        return self.fitted is not None
+
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
         """Return Z with every resonance bent as at the level after instead of that before."""
         softening, loss, exponent = values["softening"], values["loss"], values["exponent"]
         part = self.reached**-exponent
-        before, after = bent(self._drifted(own), frequency, (part * softening, part * loss, exponent), self.ratios)
+        law = part * softening, part * loss, exponent
+        linear = self.linear if self.fitted is None else self.fitted.at(law)
+        before, after = bent(self._drifted(linear, own), frequency, law, self.ratios)
         return 1 / (1 / Z + np.sum(after - before, axis=1)), own
 
-    def _drifted(self, own: Resonances) -> Resonances:
+    def _drifted(self, linear: Resonances, own: Resonances) -> Resonances:
         """Return the resonances without amplitude, drifted like the nearest one of the recording."""
-        known, linear = self.resonances, self.linear
+        known = self.resonances
         if own is known:
             return linear
         near = np.argmin(np.abs(linear.poles[:, None] - known.poles), axis=1)
@@ -130,13 +141,22 @@ def driven(pair: Pair, own: Resonances, after: Resonances) -> AmplitudeDependent
     ratios = first / max(first, second), second / max(first, second)
     if not after.poles.size:
         return AmplitudeDependent(own, _KNOWN_LEVEL, ratios, _merged(own))
-    both, x = _fitted(pair, (own, after), ratios)
-    linear, law = both.resonances(x), both.law(x)
+    both, end = _fitted(pair, (own, after), ratios)
+    linear, law = both.resonances(end.x), both.law(end.x)
     reached = _reached(linear, pair.frequency, law)
-    start = (law[0] * reached ** law[2], law[1] * reached ** law[2], law[2])
     sizes = AmplitudeDependent.sizes
-    at = tuple((value - size.median) / size.spread for value, size in zip(start, sizes, strict=True))
-    return AmplitudeDependent(own, _KNOWN_LEVEL, ratios, linear, reached, (at,))
+
+    def coordinates(x: Reals) -> Reals:
+        softening, loss, exponent = both.law(x)
+        at = softening * reached**exponent, loss * reached**exponent, exponent
+        return np.array([(value - size.median) / size.spread for value, size in zip(at, sizes, strict=True)])
+
+    at = coordinates(end.x)
+    steps = _STEP * np.eye(3, end.x.size)
+    J = np.column_stack([(coordinates(end.x + step) - at) / _STEP for step in steps])
+    covariance = J @ np.linalg.inv(end.jac.T @ end.jac)[:3, :3] @ J.T
+    fitted = Fitted(both, end.x, both.followed(end.x), covariance)
+    return AmplitudeDependent(linear, _KNOWN_LEVEL, ratios, linear, reached, fitted, (tuple(at.tolist()),))
 
 
 def _reached(linear: Resonances, f: Frequencies, law: Law) -> float:
@@ -195,37 +215,77 @@ class _Both:
         left = real - self._ground @ (self._ground.T @ real)
         return np.concatenate([left, x])
 
+    def followed(self, x: Reals) -> Reals:
+        """Return how the resonances' coordinates follow those of the law for the recording at the lower level alone."""
+        lower = 0 if self.ratios[0] < self.ratios[1] else 1
+        at = self._misfits(x, lower)
+        J = np.column_stack([(self._misfits(x + step, lower) - at) / _STEP for step in _STEP * np.eye(x.size)])
+        J = np.delete(J, 3, axis=1)  # drift between the recordings
+        law, own = J[:, :3], np.vstack([J[:, 3:], np.eye(x.size - 4)])
+        return -np.linalg.lstsq(own, np.vstack([law, np.zeros((x.size - 4, 3))]), rcond=None)[0]
+
+    def _misfits(self, x: Reals, k: int) -> Reals:
+        """Return the misfit of one recording at its own ground."""
+        own = np.sum(bent(self.resonances(x), self.frequency, self.law(x), self.ratios)[k], axis=1)
+        row = (self.Y[k] - own) / self.Y[k] / self.sigma[k]
+        real = np.concatenate([row.real, row.imag])
+        return real - self._grounds[k] @ (self._grounds[k].T @ real)
+
     def __post_init__(self) -> None:
         u = np.log(self.frequency)
         polynomials = np.polynomial.chebyshev.chebvander((2 * u - u[0] - u[-1]) / (u[-1] - u[0]), _GROUND - 1)
         ground = np.hstack([1j * self.frequency[:, None] * polynomials, polynomials])
-        rows = np.vstack([ground / (Y * s)[:, None] for Y, s in zip(self.Y, self.sigma, strict=True)])
-        real = np.vstack([rows.real, rows.imag])
-        object.__setattr__(self, "_ground", np.linalg.qr(real / np.linalg.norm(real, axis=0))[0])
+        rows = [ground / (Y * s)[:, None] for Y, s in zip(self.Y, self.sigma, strict=True)]
+        object.__setattr__(self, "_grounds", [_basis(one) for one in rows])
+        gain = np.concatenate([np.zeros(self.frequency.size), 1 / self.sigma[1]])[:, None]  # of one to the other
+        object.__setattr__(self, "_ground", _basis(np.hstack([np.vstack(rows), gain, 1j * gain])))
+
+
+def _basis(columns: Complexes) -> Reals:
+    """Return an orthonormal basis of the real combinations of columns: real parts, then imaginary parts."""
+    real = np.vstack([columns.real, columns.imag])
+    return np.linalg.qr(real / np.linalg.norm(real, axis=0))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The resonances without amplitude as fitted to both recordings, and how they follow the law."""
+
+    both: _Both
+    x: Reals
+    follow: Reals
+    covariance: Reals
+    """Of the law's coordinates in a hypothesis, by that fit, shape (3, 3)."""
+
+    def at(self, law: Law) -> Resonances:
+        """Return the resonances that describe the recording at the lower level, if this is the law."""
+        x = self.x.copy()
+        pairs = zip(law, self.both.sizes, strict=True)
+        moved = np.array([(value - size.median) / size.spread for value, size in pairs]) - x[:3]
+        x[4:] += self.follow @ moved
+        return self.both.resonances(x)
 
 
 def _fitted(
     pair: Pair, resonances: tuple[Resonances, Resonances], ratios: tuple[float, float]
-) -> tuple[_Both, Reals]:
-    """Return the fit to both recordings, with as many resonances as pay for their numbers (Akaike), and where it ends."""
+) -> tuple[_Both, OptimizeResult]:
+    """Return the fit to both recordings, with as many resonances as pay for their numbers (Akaike), and its end."""
     lower = resonances[int(ratios[1] < ratios[0])]
     f, kept = pair.frequency, _chosen(pair.frequency, resonances)
     sides = (pair.before, pair.noise_before), (pair.after, pair.noise_after)
     sigma = [
-        np.sqrt(noise**2 + _GAIN**2 + (_DRIFT * np.abs(slope_of(f, Z, own)[0])) ** 2)[kept]
+        np.sqrt(noise**2 + _FORM**2 + (_DRIFT * np.abs(slope_of(f, Z, own)[0])) ** 2)[kept]
         for (Z, noise), own in zip(sides, resonances, strict=True)
     ]
     Y = 1 / pair.before[kept], 1 / pair.after[kept]
-    best: tuple[float, _Both, Reals] | None = None
+    best: tuple[float, _Both, OptimizeResult] | None = None
     for start in {one.poles.size: one for one in (_merged(lower, apart) for apart in _APART)}.values():
         both = _Both(f[kept], Y, (sigma[0], sigma[1]), start, ratios)
-        ends = [
-            least_squares(both.residuals, x, max_nfev=30, xtol=1e-4, ftol=1e-4) for x in _starts(both, resonances)
-        ]
+        ends = [least_squares(both.residuals, x, max_nfev=30, xtol=1e-4, ftol=1e-4) for x in _starts(both, resonances)]
         end = min(ends, key=lambda end: float(end.cost))
         value = float(end.cost) + 3 * start.poles.size
         if best is None or value < best[0]:
-            best = value, both, end.x
+            best = value, both, end
     if best is None:
         raise ValueError("no resonances")
     return best[1:]

@@ -13,6 +13,7 @@ from ...models.base.arrays import Complexes, Impedances, Reals
 from .another_device import EveryResonance
 from .change import TERMINALS
 from .device_changes import DeviceChange, NewResonance
+from .drive_levels import AmplitudeDependent
 from .pair_errors import Linearised, Outcome, PairErrors
 from .resonances import Resonances
 from .two_ports import Turned, TwoPort
@@ -78,9 +79,14 @@ class Hypothesis:
 
     @property
     def inside(self) -> tuple[int, ...]:
-        """Mask of the coordinates of changes in the device."""
+        """Coordinates of changes in the device that drift can imitate: all but those that bend a resonance."""
         pairs = zip(self.changes, self.slices, strict=True)
-        return tuple(k for change, own in pairs if change.where != TERMINALS for k in range(own.start, own.stop))
+        return tuple(
+            k
+            for change, own in pairs
+            if change.where != TERMINALS and not isinstance(change, AmplitudeDependent)
+            for k in range(own.start, own.stop)
+        )
 
     @property
     def removes(self) -> bool:
@@ -201,7 +207,7 @@ class Hypothesis:
                 slopes[:, k] = np.log(self.states(states[first], f, moved, first)[-1][0] / seen) / _STEP
         through = np.log(self.predict(Z * (1 + _STEP), f, x, own) / seen) / np.log(1 + _STEP) if self.changes else Z / Z
         each = None
-        if drift and self.inside and own.poles.size:
+        if drift and any(one.where != TERMINALS for one in self.changes) and own.poles.size:
             rows = [np.log(self.predict(Zk, f, x, now) / seen) / step for Zk, now, step in errors.nudged()]
             each = np.asarray(np.column_stack(rows), np.complex128)
         made = Linearised(
@@ -300,4 +306,8 @@ class Fitted:
         main = [
             (own.start, 1 / change.sizes[0].spread if exact(change) else 0.0) for change, own in pairs if change.sizes
         ]
-        return self.errors.sized(self.at, self.outcome, main)
+        total, covariance = self.errors.sized(self.at, self.outcome, main)
+        for change, own in zip(self.hypothesis.changes, self.hypothesis.slices, strict=True):
+            if isinstance(change, AmplitudeDependent) and change.fitted is not None:
+                covariance[own, own] += change.fitted.covariance
+        return total, covariance

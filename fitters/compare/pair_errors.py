@@ -231,9 +231,7 @@ class PairErrors:
         columns, shares = of_formula.copy(), np.zeros((at.x.size, of_formula.shape[1]))
         linear = np.repeat([not exact for exact in at.exact], of_formula.shape[1] // max(len(at.exact), 1))
         if np.any(linear):
-            columns[:, linear], shares[:, linear] = _beside(
-                of_formula[:, linear], at.slopes, 1 / self.points(at).noise
-            )
+            columns[:, linear], shares[:, linear] = _beside(of_formula[:, linear], at.slopes, 1 / self.points(at).noise)
         return columns, shares
 
     def _of_formula(self, at: Linearised) -> Complexes:

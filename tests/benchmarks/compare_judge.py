@@ -38,9 +38,7 @@ def judged(pair: MadePair, found: Comparison) -> Judgement:
         return Judgement(found.verdict in ("unexplained", "partly-explained"))
     if len(findings) != 1 or not _named(pair, findings[0]):
         return Judgement(False)
-    sizes = [
-        (findings[0].parameters[name], true) for name, true in pair.sizes if name in findings[0].parameters
-    ]
+    sizes = [(findings[0].parameters[name], true) for name, true in pair.sizes if name in findings[0].parameters]
     if not sizes or pair.effect == "beyond the law":
         return Judgement(True)
     # Either the capacitance or the inductance of a line is visible: the better known one counts.
