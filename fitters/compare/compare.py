@@ -63,10 +63,12 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep], build: Build | None
     after_poles = fitted_poles(pair, pair.after, pair.noise_after, poles)
     now = resonances_of(after_poles, pair, pair.after)
     levels = driven(pair, own, now)
-    own = levels.resonances
+    own = own if levels is None else levels.resonances
     errors = PairErrors(pair, (own, now))
     inside, described = ((), None) if build is None else _inside(build, step, pair, own, (before, after))
-    searched = search(errors, (*two_ports(), *device_changes(pair, own), levels, *inside), after_poles)
+    searched = search(
+        errors, (*two_ports(), *device_changes(pair, own), *([] if levels is None else [levels]), *inside), after_poles
+    )
     found = concluded(errors, searched, began)
     return replace(found, resonances=resonance_shifts(pair, poles, after_poles), described_by=described)
 

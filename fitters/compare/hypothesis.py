@@ -308,6 +308,6 @@ class Fitted:
         ]
         total, covariance = self.errors.sized(self.at, self.outcome, main)
         for change, own in zip(self.hypothesis.changes, self.hypothesis.slices, strict=True):
-            if isinstance(change, AmplitudeDependent) and change.fitted is not None:
-                covariance[own, own] += change.fitted.covariance
+            if isinstance(change, AmplitudeDependent):
+                covariance[own, own] += change.covariance
         return total, covariance

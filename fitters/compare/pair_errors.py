@@ -224,9 +224,9 @@ class PairErrors:
         return np.asarray(np.column_stack([r, *groups.values()]), np.complex128), where
 
     def _beside_sizes(self, at: Linearised, of_formula: Complexes) -> tuple[Complexes, Reals]:
-        """Return the errors of formulas without the part that sizes imitate, and that part, where they are of first order.
+        """Return the errors of formulas beside the part that sizes imitate, and that part, where they are linear.
 
-        Where a formula's errors are known beyond first order, both are estimated together.
+        Where the error of a formula is known beyond first order, it is estimated together with the sizes.
         """
         columns, shares = of_formula.copy(), np.zeros((at.x.size, of_formula.shape[1]))
         linear = np.repeat([not exact for exact in at.exact], of_formula.shape[1] // max(len(at.exact), 1))
