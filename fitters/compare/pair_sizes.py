@@ -181,7 +181,7 @@ def log_density(G: Reals, log_det: float, scale: Reals) -> float:
     """
     c, v = factorised(G, scale)
     solved, _ = dpotrs(c, v, lower=1)
-    return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(np.diag(c)))) + log_det)
+    return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(c.diagonal()))) + log_det)
 
 
 def log_densities(G: Reals, log_det: float, scales: Reals, noise: Reals) -> Reals:
@@ -213,9 +213,10 @@ def posterior_of(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
 def factorised(G: Reals, scale: Reals) -> tuple[Reals, Reals]:
     """Return the Cholesky factor of the coefficients' precision, in units of their priors, and the right side."""
     S = scale[:, None] * G[1:, 1:] * scale
-    S[np.diag_indices_from(S)] += 1.0
+    diagonal = S.ravel()[:: S.shape[0] + 1]
+    diagonal += 1.0
     for ridge in _RIDGES:  # rounding may make a matrix of large numbers indefinite
-        S[np.diag_indices_from(S)] *= 1 + ridge
+        diagonal *= 1 + ridge
         c, failed = dpotrf(S, lower=1)
         if not failed:
             return c, scale * G[1:, 0]

@@ -123,8 +123,13 @@ def _core(x: Reals, v: Values) -> Complexes:
 
 
 def _is_coil(f: Frequencies, v: Values) -> bool:
-    """Return whether a coil is inductive in some part of the band: above its own resonance it is a capacitor."""
-    return bool(f[0] < 1 / (2 * np.pi * np.sqrt(v["inductance"] * v["own capacitance"])))
+    """Return whether a coil is one in some part of the band: above its own resonance it is a capacitor."""
+    return _is_inductive(f, v) and bool(f[0] < 1 / (2 * np.pi * np.sqrt(v["inductance"] * v["own capacitance"])))
+
+
+def _is_inductive(f: Frequencies, v: Values) -> bool:
+    """Return whether the inductance exceeds the resistance at the upper end of the band: else it is a resistance."""
+    return bool(2 * np.pi * f[-1] * v["inductance"] > v["resistance"])
 
 
 def _capacitor(f: Frequencies, v: Values) -> Complexes:
@@ -177,6 +182,7 @@ _ELEMENTS = (
         _lead,
         "A series inductance was put in: a wire, a clip, a longer lead.",
         "A series inductance is gone: a wire, a clip, a longer lead.",
+        possible=_is_inductive,
     ),
     TwoPort(
         "series-resistance",

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from compare_world import MadePair, cable, inductance, seen_through, series, shunt
+from compare_world import MadePair, cable, inductance, of_cable, seen_through, series, shunt
 
 from pzctl.models.sweep import Sweep
 
@@ -125,8 +125,7 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
     if kind == "cable":
         meters = 10 ** rng.uniform(-0.2, 0.4)
         elements = [cable(g, meters, 50.0, 0.03)]
-        seconds = meters / 2e8
-        sizes = (("capacitance", seconds / 50), ("inductance", seconds * 50))
+        sizes = of_cable(g, meters, 50.0, 0.03)
         made = replace(made, effect="cable", also=("stray-capacitance", "lead-inductance"), sizes=sizes)
     elif kind == "coil":
         L = zm * 10 ** rng.uniform(-0.7, 0.1) / w

@@ -86,6 +86,13 @@ def inductance(f: np.ndarray, z: np.ndarray) -> float:
     return float(np.interp(np.sqrt(f[0] * f[-1]), f, z.imag / (2 * np.pi * f)))
 
 
+def of_cable(f: np.ndarray, meters: float, ohm: float, db_per_m: float) -> tuple[tuple[str, float], ...]:
+    """Return capacitance and inductance of a cable in the middle of the band, with the skin effect in its delay."""
+    middle = float(np.sqrt(f[0] * f[-1]))
+    delay = meters / 2e8 + db_per_m / 8.685889638 * np.sqrt(middle / 1e6) * meters / (2 * np.pi * middle)
+    return (("capacitance", delay / ohm), ("inductance", delay * ohm))
+
+
 Draw = Callable[[np.random.Generator, np.ndarray, float], tuple[list[np.ndarray], tuple]]
 
 
@@ -140,12 +147,9 @@ def _shunt_g(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[list[n
 
 def _cable(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[list[np.ndarray], tuple]:
     meters, ohm = 10 ** rng.uniform(-0.5, 1.0), float(rng.choice([50.0, 75.0, 93.0]))
-    delay = meters / 2e8
-    return [cable(f, meters, ohm, 0.02 * 10 ** rng.uniform(-0.3, 0.3))], (
-        "cable",
-        ("stray-capacitance", "lead-inductance", "series-coil"),
-        (("capacitance", delay / ohm), ("inductance", delay * ohm)),
-    )
+    loss = 0.02 * 10 ** rng.uniform(-0.3, 0.3)
+    also = ("stray-capacitance", "lead-inductance", "series-coil")
+    return [cable(f, meters, ohm, loss)], ("cable", also, of_cable(f, meters, ohm, loss))
 
 
 DRAWS: tuple[Draw, ...] = (_lead_or_coil, _shunt_coil, _shunt_c, _series_c, _series_r, _shunt_g, _cable)
