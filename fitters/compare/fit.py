@@ -8,7 +8,7 @@ import numpy as np
 from ...models.base.arrays import Reals
 from .hypothesis import BOUND, Fitted, Hypothesis, State
 from .pair_errors import Linearised, Outcome, PairErrors
-from .pair_sizes import RESTS, Sizes
+from .pair_sizes import RESTS, USUAL, Sizes
 
 _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""
@@ -109,12 +109,12 @@ class _Place:
 def fitted(hypothesis: Hypothesis, errors: PairErrors, x: Reals, sizes: Sizes | None = None) -> Fitted:
     """Return the fit with the error model, starting at `x` with errors of these sizes.
 
-    A rest takes what is left of a sharp resonance before its drift has been found. So the place is also sought without
-    a rest, and the more probable one counts.
+    A rest, or an error of a formula, takes what is left of a sharp resonance before its drift has been found. So where
+    they are unusually large the place is also sought with usual ones, and the more probable one counts.
     """
     start = _approached(hypothesis, errors, x, sizes)
     best = _relinearised(start)
-    if best.outcome.sizes.rest > 0:
+    if best.outcome.sizes != best.outcome.sizes.at_most(USUAL):
         best = max(best, _annealed(start), key=lambda place: place.outcome.log_evidence)
     best = max(_here(best), _moved(best, tuple(RESTS)), key=lambda place: place.outcome.log_evidence)
     return Fitted(best.hypothesis, best.x, best.at, best.outcome, best.errors)
@@ -157,6 +157,8 @@ def _relinearised(place: _Place) -> _Place:
 def _annealed(place: _Place) -> _Place:
     """Return the place found without a rest, drift being less and less uncertain; this one if that leads nowhere."""
     start = place
+    errors = place.errors.unsettled(_UNCERTAIN[0])
+    place = replace(place, errors=errors, outcome=errors.outcome(place.at, (0.0,)))
     for uncertain in _UNCERTAIN:
         place = _moved(replace(place, errors=place.errors.unsettled(uncertain)), (0.0,))
         if place.misfit > _LOST:
