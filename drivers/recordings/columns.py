@@ -53,7 +53,7 @@ _PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e
 _PREFIXES["p"] = 1e-12
 _NO_UNIT_SAID = {*_OHM, *_SIEMENS}
 _EXAMPLE = {"f": "frequency_Hz", "theta": "theta_deg", "theta-y": "theta-y_deg"}
-_WITH_UNIT = re.compile(r"(.+?) ?(?:[(\[] ?([^()\[\]]*?) ?[)\]]| / ?(\S+)|_([^\W_]+|°))")
+_WITH_UNIT = re.compile(r"(.+?) ?(?:[(\[] ?([^()\[\]]*?) ?[)\]]|/ ?(\S+)|_([^\W_]+|°))")
 """For names with single blanks only: with `\\s*` the time would grow with the square of their number."""
 
 PAIRS = (

@@ -18,7 +18,10 @@ _WIDE = 1e3
 
 
 def limits(errors: PairErrors, fit: Fitted) -> tuple[Limit, ...]:
-    """Return the largest possible size of each small element at the terminals in addition to the findings, at 95 %."""
+    """Return the largest possible size of each small element at the terminals beside the changes found, at 95 %.
+
+    A second element of a kind that was found would only share its size with the first one, so it has no limit.
+    """
     pair = errors.pair
     Z, jw = fit.at.predicted, j_omega(pair.frequency)
     one = np.ones_like(Z)
@@ -31,6 +34,8 @@ def limits(errors: PairErrors, fit: Fitted) -> tuple[Limit, ...]:
     }
     made: list[Limit] = []
     for (effect, name, unit), column in columns.items():
+        if effect in fit.hypothesis.names:
+            continue
         size, u = _limited(errors, fit, column)
         where = "device" if effect == "frequencies-scaled" else "terminals"
         made.append(Limit(effect, where, {name: Size(abs(size) + _AT_95 * u, u, unit)}))

@@ -5,7 +5,7 @@ treated as a sample of a normal distribution, whose mean and scatter are separat
 effects: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177). A device far from the others is an outlier.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +35,7 @@ class CommonChange:
     devices: tuple[int, ...]
     """Numbers of the devices that show it, from 0."""
     parameters: dict[str, Size]
-    """The mean over the devices, with its standard uncertainty."""
+    """The mean over the devices without outliers, with its standard uncertainty."""
     scatter: dict[str, Size]
     """Standard deviation from device to device, without the uncertainty of each; `u` is 0."""
     says: str
@@ -90,8 +90,9 @@ def _among(finding: ChangeFinding, keys: "set[tuple[str, str, bool]]") -> bool:
 
 
 def _common(devices: Sequence[Comparison], key: tuple[str, str, bool]) -> CommonChange:
-    """Return a change with its mean size and its scatter over the devices that show it."""
-    showing = {k: one for k, device in enumerate(devices) for one in device.findings if _key(one) == key}
+    """Return a change with its mean size and its scatter over the devices that show it, without outliers."""
+    every = {k: one for k, device in enumerate(devices) for one in device.findings if _key(one) == key}
+    showing = {k: one for k, one in every.items() if k not in _far(_first_sizes(every))}
     alike = [k for k, device in enumerate(devices) if any(_among(one, {key}) for one in device.findings)]
     parameters: dict[str, Size] = {}
     scatter: dict[str, Size] = {}
@@ -122,17 +123,17 @@ def _outliers(devices: Sequence[Comparison], common: Sequence[CommonChange]) -> 
     found: set[int] = set()
     for one in common:
         found |= set(range(len(devices))) - set(one.devices)
-        for name in list(one.parameters)[:1]:
-            sizes = {
-                k: finding.parameters[name].value
-                for k in one.devices
-                for finding in devices[k].findings
-                if _key(finding) == (one.effect, one.where, one.removed)
-            }
-            found |= _far(sizes)
+        key = one.effect, one.where, one.removed
+        showing = {k: finding for k in one.devices for finding in devices[k].findings if _key(finding) == key}
+        found |= _far(_first_sizes(showing))
     if not common:
         found |= _far({k: float(np.log(device.change)) for k, device in enumerate(devices)})
     return tuple(sorted(found))
+
+
+def _first_sizes(showing: Mapping[int, ChangeFinding]) -> dict[int, float]:
+    """Return the main size of a change, by device."""
+    return {k: next(iter(one.parameters.values())).value for k, one in showing.items() if one.parameters}
 
 
 def _far(sizes: dict[int, float]) -> set[int]:

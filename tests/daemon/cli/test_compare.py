@@ -72,6 +72,9 @@ def test_the_common_difference_is_the_wire_and_the_outlier_is_named(
     assert status == 0
     assert [one["effect"] for one in found["common"]] == ["lead-inductance"]
     assert found["common"][0]["devices"] == [0, 1, 2, 3]
+    assert found["common"][0]["parameters"]["inductance"]["value"] == pytest.approx(5e-7, rel=0.02), (
+        "without the outlier"
+    )
     assert found["outliers"] == [after[3]]
 
 

@@ -160,6 +160,7 @@ def test_pairs_that_lose_the_sign_of_x_are_refused(tmp_path: Path, parameter: st
         ("frequency_Hz,R_ohm,X_ohm", "1e6,3,-4", 3 - 4j),
         ("frequency_MHz;|Z|_kohm;theta_deg", "1;2;-90", -2000j),
         ("Freq [kHz]\tG (mS)\tB (mS)", "1e3\t1\t1", 500 - 500j),
+        ("f/kHz\tR/Ohm\tX/Ohm", "1e3\t500\t-500", 500 - 500j),
         ('"f (Hz)","R (MΩ)","X (MΩ)"', "1e6, 1, -1", 1e6 - 1e6j),
         ("frequency_Hz,Cp_pF,D", "1e6,159.15494309189535,0", -1000j),
         ("frequency_Hz,theta_rad,|Z|_ohm,remark", "1e6,0,5,none", 5 + 0j),

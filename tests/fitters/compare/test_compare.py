@@ -68,6 +68,7 @@ def test_an_inserted_or_removed_element_is_named_with_its_size(name: str, remove
     assert finding.removed == removed
     if finding.effect == effect:
         assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
+        assert effect not in [one.effect for one in found.limits], "a second one would share its size with the first"
 
 
 def test_a_drifted_device_is_unchanged_and_limits_on_changes_are_given() -> None:

@@ -30,6 +30,16 @@ def test_two_levels_are_told_by_softening_and_loss_at_the_largest_amplitude() ->
     assert finding.parameters["loss"].value == pytest.approx(lossy * largest, rel=0.1)
 
 
+def test_a_resonance_that_bends_in_both_recordings_is_named_alone() -> None:
+    levels = (0.5, 1.0)
+    soft, lossy = 2.4e-4, 3e-3
+    (before, _), (after, largest) = (driven(volt, soft, lossy) for volt in levels)
+    (finding,) = compare([noisy(F, before, levels[0], 1)], [noisy(F, after, levels[1], 2)]).findings
+    assert finding.effect == "drive-nonlinearity"
+    assert finding.parameters["softening"].value == pytest.approx(soft * largest / 2, rel=0.1)
+    assert finding.parameters["exponent"].value == pytest.approx(1.0, abs=0.2), "Rayleigh's law"
+
+
 def test_with_a_build_the_softening_is_per_strain() -> None:
     build = parse_build(
         """

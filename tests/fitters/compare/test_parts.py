@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from pzctl.fitters.compare.amplitude_law import bent
 from pzctl.fitters.compare.many import random_effects
 from pzctl.fitters.compare.pair import pair_of
 from pzctl.fitters.compare.resonances import Resonances, changed
-from pzctl.fitters.compare.two_ports import TwoPort, two_ports
+from pzctl.fitters.compare.two_ports import TwoPort, coil, two_ports
 from pzctl.models.sweep import Sweep
 
 F = np.linspace(1e5, 1e7, 50)
@@ -27,6 +28,37 @@ def test_passive_elements_do_not_generate_energy() -> None:
         if isinstance(one, TwoPort) and not one.taken and one.effect != "gain":
             values = {size.name: size.value(0.0) for size in one.sizes}
             assert np.all(one.apply(1j * Z.imag, F, values).real > -1e-9), one.effect
+
+
+def test_a_resistance_is_no_lead_and_no_coil() -> None:
+    for effect in ("lead-inductance", "series-coil"):
+        one = next(one for one in two_ports() if one.effect == effect)
+        assert isinstance(one, TwoPort)
+        assert one.possible is not None
+        values = {size.name: size.value(0.0) for size in one.sizes} | {"inductance": 1e-7}
+        assert one.possible(F, values | {"resistance": 1.0})
+        assert not one.possible(F, values | {"resistance": 10.0}), "2 pi 10 MHz 0.1 uH is 6 ohm"
+
+
+def test_a_coil_has_its_inductance_in_the_middle_of_the_band_whatever_its_core() -> None:
+    middle = float(np.sqrt(F[0] * F[-1]))
+    values = {"inductance": 1e-5, "own capacitance": 0.0, "resistance": 0.1, "skin": 0.2}
+    for core in ({"core": 0.0, "core loss": 0.0, "core part": 1.0}, {"core": 0.1, "core loss": 0.2, "core part": 0.5}):
+        f = np.array([F[0], middle, F[-1]])
+        assert coil(f, values | core)[1].imag / (2 * np.pi * middle) == pytest.approx(1e-5, rel=1e-9)
+
+
+def test_a_bent_resonance_has_the_amplitude_that_bends_it() -> None:
+    f, q = np.linspace(0.9e6, 1.05e6, 400), 80.0
+    pole = 1e6 * (-1 / (2 * q) + 1j * np.sqrt(1 - 1 / (4 * q**2)))
+    linear = Resonances(np.array([pole]), np.array([1e3 * pole / (1j * pole.imag)]))
+    softening, loss, exponent = 5e-3, 0.4, 1.3
+    (bare,) = (branch[:, 0] for branch in bent(linear, f, (0.0, 0.0, 1.0), (1.0, 0.0))[:1])
+    (bowed,) = (branch[:, 0] for branch in bent(linear, f, (softening, loss, exponent), (1.0, 0.0))[:1])
+    amplitude = np.abs(bowed) / f / np.max(np.abs(bare) / f)
+    reactance = abs(pole) ** 2 / (2 * abs(linear.residues[0])) / f
+    change = loss / np.abs(linear.residues[0] / pole.real) + 2j * softening * reactance
+    np.testing.assert_allclose(1 / bowed, 1 / bare + change * amplitude**exponent, rtol=1e-7)
 
 
 def test_a_shifted_pole_remains_an_rlc_branch() -> None:
