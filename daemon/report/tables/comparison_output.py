@@ -44,9 +44,21 @@ def print_many(console: Console, found: Mapping[str, Any]) -> None:
         for one in device["findings"]:
             name, size = next(iter(one["parameters"].items()), ("", None))
             findings.append(f"{one['effect']}{' (gone)' if one['removed'] else ''}{_first(name, size)}")
+        if not findings and device["verdict"] == "unexplained":
+            findings = _moved(device["resonances"])
         mark = " !" if device["file"] in found["outliers"] else ""
         table.add_row(device["file"] + mark, device["verdict"], f"{100 * device['change']:.3g}", "\n".join(findings))
     console.print(table)
+
+
+def _moved(resonances: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return how the best known resonance differs, of a device for which nothing else can be said."""
+    if not resonances:
+        return []
+    one = min(resonances, key=lambda one: one["u_shift"])
+    shift = with_uncertainty(100 * one["shift"], 100 * one["u_shift"])
+    ratios = [f"{name} x {one[key]:.3g}" for name, key in (("Q", "q_ratio"), ("strength", "strength_ratio"))]
+    return [f"resonance at {one['frequency_Hz'] / 1e3:.5g} kHz: {shift} %, {', '.join(ratios)}"]
 
 
 def _first(name: str, size: Mapping[str, Any] | None) -> str:
