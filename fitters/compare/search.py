@@ -14,13 +14,18 @@ from .another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
 from .fit import fitted, plain_fit, plain_misfit, screened
 from .hypothesis import Change, Fitted, Hypothesis
 from .pair_errors import PairErrors
-from .pair_sizes import USUAL, Sizes
+from .pair_sizes import USUAL
 from .with_build.model_change import ModelChange
 
 _TRIED = 2
 """Number of starts that are followed."""
 _FITTED, _NEAR = 4, 15.0
 """Number of hypotheses fitted with the error model, and the range in nats below the best for more. A budget."""
+_WORTH, _INACCURATE = 0.1, 100.0
+"""Largest distance of those from the best, relative to what the best gains, or in nats: a screening is this accurate,
+which takes drift for linear."""
+_HOPELESS = 100.0
+"""Residual relative to the smallest one beyond which no drift makes up for it: a start is sought with 3e-4 of drift."""
 _PARENTS, _SCREENED, _GROWN = 2, 8, 4
 """Number of best hypotheses that are extended; of each one's extensions, numbers screened and fitted. Budgets."""
 _MOST = 3
@@ -69,8 +74,8 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
     nothing = fitted(Hypothesis(()), errors, np.zeros(0))
     fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
     singles = [Hypothesis((change,)) for change in changes]
-    starts = [(one, _started(one, errors, np.zeros(0), 0)[1]) for one in singles]
-    for hypothesis, x in _promising(starts, errors, nothing.outcome.sizes):
+    starts = [(one, *_started(one, errors, np.zeros(0), 0)) for one in singles]
+    for hypothesis, x in _promising(starts, errors, nothing):
         fits[hypothesis.changes] = fitted(hypothesis, errors, x, nothing.outcome.sizes)
     for depth in range(1, _MOST):
         ranked = _ranked(fits.values())
@@ -147,23 +152,29 @@ def _grown(parent: Fitted, errors: PairErrors, changes: Sequence[Change]) -> lis
             value, x = _started(hypothesis, errors, parent.x, at, steps=5)
             trials.append((value, hypothesis, x))
     trials.sort(key=lambda trial: trial[0])
-    ends = [(hypothesis, plain_fit(hypothesis, errors, x)[1]) for _, hypothesis, x in trials[:_SCREENED]]
-    return _promising(ends, errors, parent.outcome.sizes)[:_GROWN]
+    ends = [(hypothesis, *plain_fit(hypothesis, errors, x)) for _, hypothesis, x in trials[:_SCREENED]]
+    return _promising(ends, errors, parent)[:_GROWN]
 
 
 def _promising(
-    starts: Sequence[tuple[Hypothesis, Reals]], errors: PairErrors, sizes: Sizes
+    starts: Sequence[tuple[Hypothesis, float, Reals]], errors: PairErrors, parent: Fitted
 ) -> list[tuple[Hypothesis, Reals]]:
     """Return the hypotheses worth a fit with the error model, best first, with their starts.
 
     Those that only remove something are ranked by themselves, since their drift is that of the other recording.
+    `starts`: hypotheses with residuals and results of plain least squares; `parent`: the one that they extend.
     """
     chosen: list[tuple[float, Hypothesis, Reals]] = []
+    least = min((value for _, value, _ in starts), default=0.0)
     for removes in (False, True):
-        own = [(one, x) for one, x in starts if one.removes == removes]
-        ranked = sorted(((*screened(one, errors, x, sizes), one) for one, x in own), key=lambda trial: -trial[0])
-        near = [trial for k, trial in enumerate(ranked) if k < _FITTED or trial[0] > ranked[0][0] - _NEAR]
-        chosen += [(value, one, x) for value, x, one in near]
+        own = [one for one in starts if one[0].removes == removes and one[1] <= _HOPELESS * max(least, 1.0)]
+        ends = [(*screened(one, errors, x, parent.outcome.sizes), one, value) for one, value, x in own]
+        ends.sort(key=lambda end: -end[0])
+        for k, (log_posterior, x, one, value) in enumerate(ends):
+            behind = ends[0][0] - log_posterior
+            worth = max(_WORTH * (ends[0][0] - parent.log_posterior), _INACCURATE)
+            if behind < _NEAR or (k < _FITTED and behind < worth) or value == least:
+                chosen.append((log_posterior, one, x))
     return [(one, x) for _, one, x in sorted(chosen, key=lambda trial: -trial[0])]
 
 
