@@ -75,7 +75,7 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
     fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
     singles = [Hypothesis((change,)) for change in changes]
     starts = [(one, *_started(one, errors, np.zeros(0), 0)) for one in singles]
-    for hypothesis, x in _promising(starts, errors, nothing):
+    for hypothesis, x in _promising(_possible(starts), errors, nothing):
         fits[hypothesis.changes] = fitted(hypothesis, errors, x, nothing.outcome.sizes)
     for depth in range(1, _MOST):
         ranked = _ranked(fits.values())
@@ -162,20 +162,27 @@ def _promising(
     """Return the hypotheses worth a fit with the error model, best first, with their starts.
 
     Those that only remove something are ranked by themselves, since their drift is that of the other recording.
-    `starts`: hypotheses with residuals and results of plain least squares; `parent`: the one that they extend.
+    `starts`: hypotheses with residuals and results of plain least squares; `parent`: the one that they extend, or none.
     """
     chosen: list[tuple[float, Hypothesis, Reals]] = []
     least = min((value for _, value, _ in starts), default=0.0)
     for removes in (False, True):
-        own = [one for one in starts if one[0].removes == removes and one[1] <= _HOPELESS * max(least, 1.0)]
+        own = [one for one in starts if one[0].removes == removes]
         ends = [(*screened(one, errors, x, parent.outcome.sizes), one, value) for one, value, x in own]
         ends.sort(key=lambda end: -end[0])
         for k, (log_posterior, x, one, value) in enumerate(ends):
             behind = ends[0][0] - log_posterior
             worth = max(_WORTH * (ends[0][0] - parent.log_posterior), _INACCURATE)
+            worth = np.inf if parent.hypothesis.changes else worth
             if behind < _NEAR or (k < _FITTED and behind < worth) or value == least:
                 chosen.append((log_posterior, one, x))
     return [(one, x) for _, one, x in sorted(chosen, key=lambda trial: -trial[0])]
+
+
+def _possible(starts: Sequence[tuple[Hypothesis, float, Reals]]) -> list[tuple[Hypothesis, float, Reals]]:
+    """Return the hypotheses whose residual by plain least squares could be due to a drift."""
+    least = min(value for _, value, _ in starts)
+    return [one for one in starts if one[1] <= _HOPELESS * max(least, 1.0)]
 
 
 def _places(own: tuple[Change, ...], change: Change) -> tuple[int, ...]:
