@@ -15,6 +15,8 @@ from .change import TERMINALS, ChangeSize, Values
 
 VELOCITY = 2e8
 """m/s, of a wave in polyethylene; only length/velocity can be determined."""
+_CABLES = 15.0, 400.0
+"""Characteristic impedances of cables, ohm."""
 _USUAL = 0.03
 """Prior odds of each of about twenty elements, assuming one change in every third pair."""
 
@@ -147,6 +149,11 @@ def _line(f: Frequencies, v: Values) -> Matrix:
     return cosh, Z * sinh, sinh / Z, cosh
 
 
+def _is_cable(f: Frequencies, v: Values) -> bool:
+    """Return whether a line's impedance is one of cables: between that of strip lines and twin leads."""
+    return _CABLES[0] < v["impedance"] < _CABLES[1]
+
+
 def _of_line(v: Values) -> dict[str, tuple[float, str]]:
     """Return the circuit elements that a short line is equivalent to."""
     seconds = v["length"] / VELOCITY
@@ -239,6 +246,7 @@ _ELEMENTS = (
         "A length of cable was put between analyzer and device.",
         "A length of cable between analyzer and device was taken out.",
         derived=_of_line,
+        possible=_is_cable,
     ),
 )
 

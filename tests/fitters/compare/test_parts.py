@@ -40,6 +40,13 @@ def test_a_resistance_is_no_lead_and_no_coil() -> None:
         assert not one.possible(F, values | {"resistance": 10.0}), "2 pi 10 MHz 0.1 uH is 6 ohm"
 
 
+def test_a_cable_has_the_impedance_of_cables() -> None:
+    cable = next(one for one in two_ports() if one.effect == "cable")
+    assert isinstance(cable, TwoPort)
+    assert cable.possible is not None
+    assert [cable.possible(F, {"impedance": ohm}) for ohm in (7.0, 50.0, 300.0)] == [False, True, True]
+
+
 def test_a_coil_has_its_inductance_in_the_middle_of_the_band_whatever_its_core() -> None:
     middle = float(np.sqrt(F[0] * F[-1]))
     values = {"inductance": 1e-5, "own capacitance": 0.0, "resistance": 0.1, "skin": 0.2}
