@@ -20,6 +20,8 @@ from .resonances import Resonances, changed, slope_of
 _MOST, _STRIDE, _NEAR, _GROUND = 8, 4, 4.0, 4
 """Most resonances; one of how many points, and within how many widths of a resonance all of them; polynomials of the
 ground's capacitance and conductance. Budgets."""
+_SHARP = 8.0
+"""Q of a resonance; what is broader is a curvature like that of a capacitance."""
 _APART = (1.0, 0.5, 0.25)
 """Distances below which poles describe one resonance, in the sum of their half widths."""
 _ROUNDS, _ACCURACY, _STEP = 30, 1e-4, 1e-4
@@ -147,9 +149,13 @@ class LevelFit:
 
 
 def merged(own: Resonances, apart: float = 1.0) -> Resonances:
-    """Return the strongest resonances; poles this near to a stronger one, in widths, are a part of it."""
+    """Return the strongest resonances; poles this near to a stronger one, in widths, are a part of it.
+
+    Broad poles describe the ground, unless there are no others.
+    """
     peak = np.abs(own.residues / own.poles.real)
-    free: list[int] = np.argsort(-peak).tolist()
+    sharp = own.q > min(_SHARP, float(np.max(own.q)) * 0.999)
+    free: list[int] = [k for k in np.argsort(-peak).tolist() if sharp[k]]
     poles: list[complex] = []
     residues: list[complex] = []
     while free and len(poles) < _MOST:
