@@ -68,13 +68,16 @@ class PassiveMatrix:
             slopes[k], slopes[half + k] = one + one.T, two + two.T
         return (K @ core @ K.T).astype(np.complex128), slopes
 
-    def inverse(self, M: Complexes) -> Reals:
-        """Return the coordinates of M. Raises PassivityError if M is not stable and strictly lossy."""
+    def inverse(self, M: Complexes, least: float = 0.0) -> Reals:
+        """Return the coordinates of M, with losses of at least `least`, as loss tangents.
+
+        Raises PassivityError if M is not stable, or not strictly lossy while `least` is 0.
+        """
         rows, columns = np.tril_indices(self.size, -1)
         try:
             K = np.linalg.cholesky(M.real)
             undone = np.linalg.inv(K)
-            A = np.linalg.cholesky(-(undone @ M.imag @ undone.T))
+            A = np.linalg.cholesky(_at_least(-(undone @ M.imag @ undone.T), least))
         except np.linalg.LinAlgError:
             raise PassivityError(
                 "these constants have no passive coordinates: the real part and the loss of the matrix "
@@ -85,11 +88,22 @@ class PassiveMatrix:
         return np.concatenate(parts).astype(np.float64)
 
 
+def _at_least(loss: Reals, least: float) -> Reals:
+    """Return the nearest symmetric matrix without eigenvalues below `least`; the same one if `least` is 0."""
+    if least <= 0:
+        return loss
+    values, vectors = np.linalg.eigh(loss)
+    return loss if values[0] >= least else (vectors * np.maximum(values, least)) @ vectors.T
+
+
 _TENSOR = (PassiveMatrix(1), PassiveMatrix(2), PassiveMatrix(3))  # s11 - s12; shear 44-15-11; axial
 
 
-def tensor_coordinates(tensor: Tensor6mm) -> Reals:
-    """Return the twenty coordinates of a full tensor. Raises PassivityError if it is not passive."""
+def tensor_coordinates(tensor: Tensor6mm, least: float = 0.0) -> Reals:
+    """Return the twenty coordinates of a full tensor, with loss tangents of at least `least`.
+
+    Raises PassivityError if it is not stable, or not passive while `least` is 0.
+    """
     at = convert(tensor.law, "stress_E")
     s, d, eps = at.elastic, at.piezo, at.dielectric
     root = math.sqrt(2)
@@ -99,4 +113,4 @@ def tensor_coordinates(tensor: Tensor6mm) -> Reals:
         [root * d[2, 0], d[2, 2], eps[2, 2]],
     ]
     blocks = [[[s[0, 0] - s[0, 1]]], [[s[3, 3], d[0, 4]], [d[0, 4], eps[0, 0]]], axial]
-    return np.concatenate([part.inverse(np.array(block)) for part, block in zip(_TENSOR, blocks, strict=True)])
+    return np.concatenate([part.inverse(np.array(block), least) for part, block in zip(_TENSOR, blocks, strict=True)])

@@ -1,6 +1,6 @@
 """Models of a bare round disk: its radial mode alone, or radial and thickness mode in one recording."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,7 +11,7 @@ from ..base.names import require
 from ..constants.causal import continued
 from ..constants.piezo_constants import Radial
 from ..stack import Stack
-from ..stack.loss_laws import CONSTANT, LossLaw, law_with
+from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, law_with
 from .radial import RadialArm
 
 _FADES_AT = 0.45  # of the thickness mode's antiresonance
@@ -54,6 +54,15 @@ class RadialDisk:
         at, old = f"{self.arm.name}.eps33T", self.eps33T
         eps = complex(values.get(f"{at}.re", old.real), values.get(f"{at}.im", old.imag))
         return replace(self, arm=self.arm.replace(values), eps33T=eps, eps_law=law_with(self.eps_law, values, f"{at}."))
+
+    def with_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
+        """Return the disk with the law of its compliances or of its permittivity changed."""
+        if layer != self.arm.name:
+            return self
+        if kind == "dielectric":
+            return replace(self, eps_law=change(self.eps_law))
+        laws = {name: change(self.arm.laws.get(name, CONSTANT)) for name in ("s11E", "s12E")}
+        return replace(self, arm=replace(self.arm, laws={**self.arm.laws, **laws}))
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""

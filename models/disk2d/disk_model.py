@@ -1,6 +1,6 @@
 """A round disk with its full 6mm constants, as a `Model` for the fitters."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -10,7 +10,7 @@ from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
 from ..base.names import require
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
-from ..stack.loss_laws import CONSTANT, LossLaw, require_positive
+from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, require_positive
 from .capacitance import capacitance, slopes
 from .full import Shape
 from .matrices import CONSTANTS
@@ -37,6 +37,10 @@ class Disk2D:
     reduced: ReducedDisk
     law: LossLaw = CONSTANT
     """Continuation of each constant to other frequencies."""
+    elastic: LossLaw | None = None
+    """The same for the five stiffnesses, if they have another law."""
+    dielectric: LossLaw | None = None
+    """The same for both permittivities."""
     rough: bool = False
     """Accurate to a thousandth or so, at half the cost: for a search."""
 
@@ -65,9 +69,22 @@ class Disk2D:
         thickness, density = all_of[f"{self.name}.thickness"], all_of[f"{self.name}.density"]
         return replace(self, constants=tensor, area=all_of["area"], thickness=thickness, density=density)
 
+    def law_of(self, constant: str) -> LossLaw:
+        """Return the law of one of CONSTANTS."""
+        own = self.elastic if constant.startswith("c") else self.dielectric if constant.startswith("eps") else None
+        return own or self.law
+
+    def with_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
+        """Return the disk with the law of its stiffnesses or permittivities changed; see `HasLaws`."""
+        if layer != self.name:
+            return self
+        if kind == "elastic":
+            return replace(self, elastic=change(self.elastic or self.law))
+        return replace(self, dielectric=change(self.dielectric or self.law))
+
     def over(self, frequency: Frequencies) -> Complexes:
         """Return the ten constants at each frequency in Hz, SI units, shape (N, 10)."""
-        return np.array([continued(self.law, getattr(self.constants, c), frequency)[0] for c in CONSTANTS]).T
+        return np.array([continued(self.law_of(c), getattr(self.constants, c), frequency)[0] for c in CONSTANTS]).T
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
@@ -89,7 +106,7 @@ class Disk2D:
             f"{self.name}.density": made.by_log_density[back] / self.density,
         }
         for k, constant in enumerate(CONSTANTS):
-            _, chain = continued(self.law, getattr(self.constants, constant), frequency)
+            _, chain = continued(self.law_of(constant), getattr(self.constants, constant), frequency)
             rows |= {f"{self.name}.{constant}.{part}": by_constant[:, k] * chain[part] for part in ("re", "im")}
         slope = np.array([-rows[name] / C for name in names], np.complex128)
         return 1 / (j_omega(frequency) * C), slope.reshape(len(names), frequency.size)

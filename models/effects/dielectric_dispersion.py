@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..stack import Piezo, Stack
+from ..stack import LossLaw, Piezo, Stack
 from ..stack.stack import Layer
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
@@ -20,6 +20,7 @@ class DielectricDispersion(Effect):
 
     name = "dielectric-dispersion"
     stage = Stage.CONSTANTS
+    of_laws = True
     sizes = 2
     says = "The permittivity of {where} falls with frequency, as that of any lossy dielectric does."
     separates = "sweep up and down (a drift reverses, this does not), and measure C and tan d well below resonance"
@@ -46,15 +47,19 @@ class DielectricDispersion(Effect):
         """Return the device with the permittivity of that layer as a power of frequency."""
         name, reference = layer_at(where), resonance(assembly.nominal)
 
+        def bend(law: LossLaw) -> LossLaw:
+            falls = Slope(law, reference, values["slope"], values["loss_exponent"])
+            if values["relaxation"] <= 0:
+                return falls
+            return Relaxation(falls, reference, values["relaxation"], values["relaxation_frequency"])
+
         def falling(layer: Layer) -> Layer:
             if layer.name != name or not isinstance(layer, Piezo):
                 return layer
-            law = Slope(layer.eps_law, reference, values["slope"], values["loss_exponent"])
-            if values["relaxation"] > 0:
-                law = Relaxation(law, reference, values["relaxation"], values["relaxation_frequency"])
-            return replace(layer, eps_law=law)
+            return replace(layer, eps_law=bend(layer.eps_law))
 
-        return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(falling, stack.layers))))
+        bent = assembly.each_law(name, "dielectric", bend)
+        return bent.each_stack(lambda stack: replace(stack, layers=tuple(map(falling, stack.layers))))
 
 
 EFFECT = DielectricDispersion()

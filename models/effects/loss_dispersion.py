@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..stack import CausalConstantQ, ConstantLoss, Elastic, Piezo, Stack
+from ..stack import CausalConstantQ, ConstantLoss, Elastic, LossLaw, Piezo, Stack
 from ..stack.stack import Layer
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
@@ -16,6 +16,7 @@ class LossDispersion(Effect):
 
     name = "loss-dispersion"
     stage = Stage.CONSTANTS
+    of_laws = True
     says = "The loss of {where} is not the same at all frequencies: its Q changes from one overtone to the next."
     separates = "sweep the third overtone, or the radial and the thickness mode of the same disk"
     references = (
@@ -40,14 +41,18 @@ class LossDispersion(Effect):
         """Return the device with the loss of that layer as a power of frequency."""
         name, reference = layer_at(where), resonance(assembly.nominal)
 
+        def bend(law: LossLaw) -> LossExponent:
+            return LossExponent(law, reference, values["exponent"], values.get("companion", 1.0))
+
         def lossy(layer: Layer) -> Layer:
             law = _law_of(layer)
             if layer.name != name or law is None:
                 return layer
-            bent = LossExponent(law, reference, values["exponent"], values.get("companion", 1.0))
+            bent = bend(law)
             return replace(layer, c_law=bent) if isinstance(layer, Piezo) else replace(layer, law=bent)
 
-        return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(lossy, stack.layers))))
+        bent = assembly.each_law(name, "elastic", bend)
+        return bent.each_stack(lambda stack: replace(stack, layers=tuple(map(lossy, stack.layers))))
 
 
 def _law_of(layer: Layer) -> ConstantLoss | CausalConstantQ | None:

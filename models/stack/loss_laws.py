@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Self, TypeAlias
+from typing import Literal, Self, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from ..base.errors import PzctlError
 
 ComplexLike: TypeAlias = complex | Complexes
 """One complex number for all frequencies, or an array of shape (N,)."""
+
+LawKind: TypeAlias = Literal["elastic", "dielectric"]
+"""What a law continues: stiffnesses or permittivities."""
 
 
 class StackError(PzctlError):

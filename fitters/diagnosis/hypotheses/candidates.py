@@ -7,6 +7,7 @@ import numpy as np
 
 from ....models.base.model import Model
 from ....models.effects import Device, Effect, EffectParameter
+from ....models.effects.base.assembly import HasLaws
 from ....models.effects.base.effect import FACES, SWEEP, TERMINALS
 from ....models.stack import Stack
 from ...user_effects import every_effect
@@ -20,7 +21,7 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
     An effect in a layer, at an interface or on the back is present in every step that has that place. An effect at the
     terminals may be present in all steps, from one step onwards (another clip), or in one; an effect of the sweep in
     all steps or in one. The front of a step is buried by the next one, so it belongs to its step alone.
-    A model that is no stack can only have effects outside of it.
+    A model that is no stack can only have effects outside of it, and those of its layers' laws if it has laws.
     """
     wanted = None if names is None else set(names)
     considered = [effect for effect in every_effect() if wanted is None or effect.name in wanted]
@@ -37,7 +38,7 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
     places: dict[str, list[str]] = {}
     devices = {recording.step: recording.model for recording in problem.recordings}
     for step, device in devices.items():
-        if isinstance(device, Device) and (effect.outside or isinstance(device.bare, Stack)):
+        if isinstance(device, Device) and _possible(effect, device.bare):
             for where in effect.places(device.reference):
                 places.setdefault(where, []).append(step)
     found: list[Candidate] = []
@@ -53,6 +54,11 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
         groups = _groups(where, open_steps) if open_steps else []
         found += [Candidate(effect, where, group, effect_parameters) for group in groups]
     return found
+
+
+def _possible(effect: Effect, model: Model) -> bool:
+    """Return whether a model can have an effect: a stack any, another one what is outside of it or bends its laws."""
+    return effect.outside or isinstance(model, Stack) or (effect.of_laws and isinstance(model, HasLaws))
 
 
 def _is_known(device: Model, effect: Effect, where: str) -> bool:

@@ -29,6 +29,9 @@ LOSSES = ("tensor.minus1", *(f"tensor.shear{k}" for k in (3, 4)), *(f"tensor.axi
 TURNS = ("tensor.shear5", *(f"tensor.axial{k}" for k in (9, 10, 11)))
 """Coordinates that are off-diagonal elements of A: correlations of the losses of different constants."""
 
+_LEAST_LOSS = 1e-7
+# A fit may drive a loss to zero; rounding then makes it negative, which has no coordinates.
+
 
 def tensor_block(layer: str) -> Block:
     """Return the ten constants of a layer at constant field and strain, from twenty coordinates."""
@@ -92,4 +95,4 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
 
 
 def _inverse(values: Reals) -> Reals:
-    return tensor_coordinates(Tensor6mm(*(complex(re, im) for re, im in values.reshape(-1, 2))))
+    return tensor_coordinates(Tensor6mm(*(complex(re, im) for re, im in values.reshape(-1, 2))), _LEAST_LOSS)

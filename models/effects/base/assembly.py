@@ -7,13 +7,14 @@ analyzer sees; an effect of the sweep maps that to what is recorded over time.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...base.model import Model
-from ...stack import Stack, parallel_admittance, parallel_jacobian
+from ...stack import LossLaw, Stack, parallel_admittance, parallel_jacobian
+from ...stack.loss_laws import LawKind
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,15 @@ class ParallelSection:
         ]
 
 
+@runtime_checkable
+class HasLaws(Protocol):
+    """A model that is no stack, with laws of stiffness and permittivity that an effect may bend."""
+
+    def with_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Model:
+        """Return the model with one law of this layer changed; itself if it has no such layer."""
+        ...
+
+
 Terminal = Callable[[Complexes, Impedances], tuple[Impedances, Complexes]]
 """Maps (jw, Z) to the impedance seen from further out, and its derivative by Z; shapes (N,)."""
 
@@ -103,6 +113,12 @@ class Assembly:
     def each_stack(self, change: Callable[[Stack], Stack]) -> Self:
         """Return the assembly with every stack changed."""
         return replace(self, parts=tuple(replace(part, stack=change(part.stack)) for part in self.parts))
+
+    def each_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
+        """Return the assembly with one law of a layer changed, if the device is no stack (else see `each_stack`)."""
+        if not isinstance(self.whole, HasLaws):
+            return self
+        return replace(self, whole=self.whole.with_law(layer, kind, change))
 
     def split(self, change: Callable[[ParallelSection], Sequence[ParallelSection]]) -> Self:
         """Return the assembly with every part of the face divided into several."""

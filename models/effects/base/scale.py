@@ -2,15 +2,16 @@
 
 import math
 
-from ...stack import HalfSpace, Piezo, Stack
+from ...stack import CONSTANT, HalfSpace, LossLaw, Piezo, Stack
 
 _DENSITY, _STIFFNESS, _FIELD, _PERMITTIVITY = 7700.0, 1.5e11, 2e9, 8e-9
 
 
-def equivalent_plate(name: str, capacitance: float, resonance: float) -> Stack:
+def equivalent_plate(name: str, capacitance: float, resonance: float, law: LossLaw = CONSTANT) -> Stack:
     """Return a plate of this clamped capacitance (F) and resonance (Hz): the scale of effects on what is no stack.
 
-    Nothing else of it matters to effects outside of a device; the material is that of a usual ceramic.
+    Nothing else of it matters to effects outside of a device; the material is that of a usual ceramic. `law`: of its
+    losses, which effects of laws start from.
     """
     thickness = math.sqrt(_STIFFNESS / _DENSITY) / (2 * resonance)
     layer = Piezo(
@@ -20,6 +21,8 @@ def equivalent_plate(name: str, capacitance: float, resonance: float) -> Stack:
         c33D=complex(_STIFFNESS),
         h33=complex(_FIELD),
         eps33S=complex(_PERMITTIVITY),
+        c_law=law,
+        eps_law=law,
     )
     return Stack((layer,), HalfSpace("air", 0.0), HalfSpace("air", 0.0), capacitance * thickness / _PERMITTIVITY)
 

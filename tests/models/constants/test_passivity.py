@@ -16,6 +16,7 @@ from passive_coordinates import (
 from pzctl.models.constants.passivity import PassivityError, passivity_margin, tensor_coordinates
 from pzctl.models.constants.piezo_constants import Radial, Thickness
 from pzctl.models.constants.tensor import Tensor6mm
+from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.materials import MATERIALS, SHERRIT_RADIAL
 
 
@@ -97,3 +98,13 @@ def test_real_constants_round_trip():
 def test_constants_that_make_energy_have_no_coordinates():
     with pytest.raises(PassivityError, match="one of them is not"):
         radial_coordinates(Radial(17e-12 + 1e-13j, -6e-12, -2e-10, 2.7e-8 - 1e-10j))
+
+
+def test_a_loss_that_a_fit_has_driven_to_nothing_gets_the_least_one():
+    lossless = Tensor6mm(*(complex(getattr(TENSOR, name)).real + 0j for name in CONSTANTS))
+    with pytest.raises(PassivityError):
+        tensor_coordinates(lossless)
+    again = tensor_from_coordinates(tensor_coordinates(lossless, least=1e-7))
+    assert 0 < passivity_margin(again.law) < 1e-6
+    assert again.c33E.real == pytest.approx(lossless.c33E.real, rel=1e-9)
+    np.testing.assert_array_equal(tensor_coordinates(TENSOR, least=1e-7), tensor_coordinates(TENSOR))

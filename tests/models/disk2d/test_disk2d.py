@@ -22,6 +22,9 @@ from pzctl.models.disk2d.line_elements import LineElements
 from pzctl.models.disk2d.matrices import CONSTANTS, assemble
 from pzctl.models.disk2d.reduced import ReducedDisk
 from pzctl.models.disk2d.training import DiskError, ensured, sampled, trained
+from pzctl.models.effects import Device, find_effect
+from pzctl.models.effects.base import scale
+from pzctl.models.effects.base.modified_laws import LossExponent
 from pzctl.models.materials import find
 from pzctl.models.stack import VACUUM, CausalConstantQ, Piezo, Stack
 
@@ -230,6 +233,21 @@ def test_derivatives_by_every_parameter(five):
         up, down = (model.replace({name: value + side * step}).impedance(f) for side in (1, -1))
         expected = np.log(up / down) / (2 * step)
         assert np.abs(row - expected).max() < 5e-3 * np.abs(expected).max(), name
+
+
+def test_a_loss_that_depends_on_frequency_acts_on_the_stiffnesses_of_its_layer_alone(five):
+    plain, effect = disk(five[1]), find_effect("loss-dispersion")
+    nominal = Stack((Piezo("disk", 2e-3, DENSITY, 1.5e11, 2e9, 8e-9, c_law=CAUSAL),), VACUUM, VACUUM, plain.area)
+    f = np.linspace(0.3e6, 1.5e6, 7)
+    device = Device(plain, nominal=nominal).with_effect(effect, "layer:disk", {"exponent": 0.5})
+    bent = replace(plain, elastic=LossExponent(CAUSAL, scale.resonance(nominal), 0.5, 1.0))
+    np.testing.assert_allclose(device.impedance(f), bent.impedance(f))
+    assert np.abs(device.impedance(f) / plain.impedance(f) - 1).max() > 1e-3
+    assert plain.with_law("glue", "elastic", lambda law: law) is plain
+    name, value = "disk.c33E.im", plain.parameters()["disk.c33E.im"]
+    _, slope = bent.jacobian(f, [name])
+    ends = [bent.replace({name: value * side}).impedance(f) for side in (1.001, 0.999)]
+    np.testing.assert_allclose(slope[0], np.log(ends[0] / ends[1]) / (0.002 * value), rtol=1e-3)
 
 
 def test_constants_that_are_not_finite_are_refused(five):
