@@ -2,21 +2,22 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from ..engine.fitted_model import Diagnosable
+from ..disk.two_d.disk2d import Disk2DFitter
+from ..engine.fitted_model import Diagnosable, FittedModel
 from ..interface import FitTask, TaskError
 from ..plugins import DEFAULT, load_fitter
 from ..uncertainty.fit_result import curves_of
 from ..user_effects import every_effect
 from .data_quality.data_gates import Gated, gate
 from .decision_rules import NAMED
-from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover, MismatchPlace, Remaining, Verdict
+from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover, MismatchPlace, Verdict
 from .hypotheses.bench_effects import BenchEffect, with_bench_effects
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
-from .hypotheses.problem import Problem
+from .hypotheses.problem import Candidate, Problem
 from .inference import finite_diameter as lateral
 from .inference.conclusion import Conclusion, NamedEffect, conclude
 from .inference.data_findings import of_the_data, verdict_with, where_disturbed
@@ -63,21 +64,137 @@ def diagnose(
     progress("checking the data")
     gated = gate(task.sweeps)
     progress("fitting without effects")
-    bare = Problem.posed(replace(task, sweeps=gated.sweeps), progress, fitter, hold_out)
-    problem, taken = with_bench_effects(bare, known), {one.name for one in known}
-    choice = tuple(one for one in candidates(problem, effects) if one.effect.name not in taken)
-    search = GreedySearch(problem, (*choice, *flaws(problem)), progress, jobs)
+    task = replace(task, sweeps=gated.sweeps)
+    bare = Problem.posed(task, progress, fitter, hold_out)
+    wanted = _Wanted(effects, progress, hold_out, others or {}, learn and fitter is None, tuple(known), jobs, fitter)
+    problem, choice = _posed(bare, wanted)
+    search = _search(problem, choice, wanted)
+    disk = _FiniteDiameter(task, wanted, problem, search) if _may_show_its_rim(task, fitter, choice) else None
+    if disk is not None and (early := disk.before_all_else()) is not None:
+        return disk.diagnosed(early, gated, began)
     search.run()
     found = conclude(search)
+    if disk is not None and found.something_left and (late := disk.beside(as_refit(problem, found.final))) is not None:
+        return disk.diagnosed(late, gated, began)
+    return _told(search, choice, found, gated, wanted, began)
+
+
+@dataclass(frozen=True, eq=False)
+class _Wanted:
+    """What a diagnosis is asked for; see `diagnose`."""
+
+    effects: tuple[str, ...] | None
+    progress: Callable[[str], None]
+    hold_out: str
+    others: Mapping[str, FitTask]
+    learn: bool
+    known: tuple[BenchEffect, ...]
+    jobs: int
+    fitter: Diagnosable | None
+
+
+def _posed(bare: Problem, wanted: _Wanted) -> tuple[Problem, tuple[Candidate, ...]]:
+    """Return the problem with the effects that all samples of the bench have, and the candidates beside them."""
+    problem, taken = with_bench_effects(bare, wanted.known), {one.name for one in wanted.known}
+    return problem, tuple(one for one in candidates(problem, wanted.effects) if one.effect.name not in taken)
+
+
+def _search(problem: Problem, choice: tuple[Candidate, ...], wanted: _Wanted) -> GreedySearch:
+    """Return the search for effects, which begins with those that the model was fitted with."""
+    given = problem.model.seeds if isinstance(problem.model, FittedModel) else ()
+    everywhere = [one for one in choice if one.steps == problem.steps]
+    found = [(tuple(one for one in everywhere if (one.effect.name, one.where) in s.names), s.values) for s in given]
+    seeds = tuple((effects, values) for effects, values in found if effects)
+    return GreedySearch(problem, (*choice, *flaws(problem)), wanted.progress, wanted.jobs, seeds)
+
+
+def _may_show_its_rim(task: FitTask, fitter: Diagnosable | None, choice: Sequence[Candidate]) -> bool:
+    """Return whether a plate is diagnosed whose finite diameter nothing else has in it yet."""
+    stated_none = task.build is not None and not task.build.effects
+    return fitter is None and stated_none and any(one.effect.name == lateral.NAME for one in choice)
+
+
+@dataclass(eq=False)
+class _FiniteDiameter:
+    """The disk of finite diameter that may have been recorded in place of the plate that is diagnosed."""
+
+    task: FitTask
+    wanted: _Wanted
+    problem: Problem
+    search: GreedySearch
+    _tried: lateral.DiskTried | None = None
+
+    @property
+    def null(self) -> Refit:
+        """The plate without effects."""
+        return as_refit(self.problem, self.search.begin())
+
+    def before_all_else(self) -> lateral.FiniteDisk | None:
+        """Return the disk if a plate leaves so much, and the disk so little, that no plate needs to be looked for."""
+        null, wanted = self.null, self.wanted
+        if not lateral.shows_early(self.task, null):
+            return None
+        self._tried = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
+        if self._tried is None or not self._tried.described:
+            return None
+        return lateral.finite(self._tried, self.task, null, null)
+
+    def beside(self, best: Refit) -> lateral.FiniteDisk | None:
+        """Return the disk if it is more probable than the best plate."""
+        null, wanted = self.null, self.wanted
+        made = self._tried or lateral.tried(self.task, null, best, wanted.progress, wanted.jobs)
+        return None if made is None else lateral.finite(made, self.task, null, best)
+
+    def diagnosed(self, wide: lateral.FiniteDisk, gated: Gated, began: float) -> Diagnosis:
+        """Return the diagnosis of the disk, with its finite diameter as the first finding."""
+        wanted, null = self.wanted, self.null
+        problem, choice = _posed(Problem.of_model(wide.tried.model, wanted.hold_out), wanted)
+        search = _search(problem, choice, wanted)
+        search.run()
+        modelled = replace(wanted, learn=False, others={}, fitter=Disk2DFitter())
+        said = _told(search, choice, conclude(search), gated, modelled, began)
+        held = held_out_chi2(self.problem, null)
+        rim = lateral.finding_of(wide, null, held, said.final)
+        findings = [*(one for one in said.findings if not _of_the_disk(one)), rim]
+        findings += [one for one in said.findings if _of_the_disk(one)]
+        verdict = verdict_with(gated, _beside_the_rim(said.verdict))
+        before = curves_of(null.objective, null.descent.x, null.descent.x)
+        return replace(
+            said,
+            verdict=verdict,
+            baseline=FitSummary(null.chi2_per_dof, held, constants_of(self.problem, self.search.begin())),
+            findings=tuple(findings),
+            says=(*_says(verdict, findings), *([_NOT_CARRIED] if wanted.others else [])),
+            before=before,
+            after=lateral.curves(said.after, before),
+        )
+
+
+def _of_the_disk(one: Finding) -> bool:
+    return not (one.effect == UNKNOWN and one.where != ANY)
+
+
+def _beside_the_rim(verdict: Verdict) -> Verdict:
+    """Return the verdict on a plate whose finite diameter has been found, given that on the disk."""
+    if verdict == "no-mismatch":
+        return "explained"
+    return "partly-explained" if verdict == "unexplained" else verdict
+
+
+def _told(
+    search: GreedySearch,
+    choice: tuple[Candidate, ...],
+    found: Conclusion,
+    gated: Gated,
+    wanted: _Wanted,
+    began: float,
+) -> Diagnosis:
+    """Return what was found as a diagnosis."""
+    problem, progress, jobs, fitter, learn = search.problem, wanted.progress, wanted.jobs, wanted.fitter, wanted.learn
     progress("validating on held-out data")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)
-    stated_none = task.build is not None and not task.build.effects
-    if found.something_left and stated_none and any(one.effect.name == lateral.NAME for one in choice):
-        wide = lateral.finite(replace(task, sweeps=gated.sweeps), null, final, progress, jobs)
-        if wide is not None:
-            return _in_two_dimensions(wide, problem, found, (null, held_before), gated, began, bool(others))
-    if learn and fitter is None:
+    if learn:
         found, places = Learning(search.problem, progress, jobs).learned(found, search.ranked)
         final = as_refit(problem, found.final)
         held_after = held_out_chi2(problem, final)
@@ -97,9 +214,7 @@ def diagnose(
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
         findings.append(_unknown(final, held_after, left, () if learn else places, found.something_else))
     constants = constants_of(problem, found.final, coarse)
-    proofs = tuple(
-        carried_over(problem, final, name, other, progress, fitter) for name, other in (others or {}).items()
-    )
+    proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
     remaining = scores(problem, choice, final.objective, final.descent.x)
     return Diagnosis(
@@ -134,7 +249,7 @@ def fitter_to_diagnose(name: str) -> Diagnosable | None:
     if not isinstance(fitter, Diagnosable):
         raise TaskError(
             f"the model of fitter {name!r} cannot be diagnosed, for it has no `fitted_model`; of the fitters of pzctl "
-            "mason, radial, disk, disk2d and bvd can"
+            "mason, stack2d, radial, disk, disk2d and bvd can"
         )
     return fitter
 
@@ -144,7 +259,8 @@ def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tupl
     named = None if effects is None else tuple(effects)
     if fitter is None or named is None:
         return named
-    outside = [one.name for one in every_effect() if one.outside]
+    lawful = getattr(fitter, "has_laws", False)
+    outside = [one.name for one in every_effect() if one.outside or (one.of_laws and lawful)]
     for name in named:
         if name not in outside:
             raise TaskError(
@@ -174,37 +290,6 @@ def _nearest(found: Conclusion) -> tuple[str, ...]:
     one, share = found.nearest
     name = f"{one.effect.name} at {one.where}"
     return (f"The closest explanation is {name}: it explains {100 * share:.0f} % of the misfit.",)
-
-
-def _in_two_dimensions(
-    wide: lateral.FiniteDisk,
-    problem: Problem,
-    found: Conclusion,
-    baseline: tuple[Refit, float],
-    gated: Gated,
-    began: float,
-    others: bool,
-) -> Diagnosis:
-    """Return the diagnosis of a disk whose finite diameter explains what a plate model does not."""
-    null, held_before = baseline
-    own = lateral.findings_of(wide, null, held_before)
-    findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *own]
-    verdict = verdict_with(gated, "explained" if wide.described else "partly-explained")
-    before = curves_of(null.objective, null.descent.x, null.descent.x)
-    return Diagnosis(
-        verdict=verdict,
-        baseline=FitSummary(null.chi2_per_dof, held_before, constants_of(problem, found.null)),
-        final=FitSummary(wide.result.chi2_per_dof, float("nan"), wide.result.constants),
-        findings=tuple(findings),
-        not_decidable=(),
-        leftover=Leftover((), wide.result.chi2_per_dof, own[0].step, (), None),
-        says=(*_says(verdict, findings), *([_NOT_CARRIED] if others else [])),
-        before=before,
-        after=lateral.curves(wide, before),
-        data=gated.checks,
-        remaining=Remaining(wide.result.rms_log_error, 0.0),
-        seconds=time.perf_counter() - began,
-    )
 
 
 def _finding(

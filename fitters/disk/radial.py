@@ -53,6 +53,8 @@ class RadialLeastSquares:
     version = "1"
     summary = "least squares on the radial modes of a round disk: finite thickness, causal losses, uncertainties"
 
+    has_laws = True
+
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the radial constants to all recordings of the bare disk.
 
@@ -69,7 +71,8 @@ class RadialLeastSquares:
         layer = disk.layer.name
         clamped = radial_of(descent.objective.coordinates.forward(descent.x)[0], layer).eps33p.real
         capacitance = clamped * disk.sizes["area"].re / disk.sizes["thickness"].re
-        return FittedModel(descent, equivalent_plate(layer, capacitance, reference), PLANAR_UNITS)
+        plate = equivalent_plate(layer, capacitance, reference, CausalConstantQ(reference))
+        return FittedModel(descent, plate, PLANAR_UNITS)
 
 
 def _fitted(task: FitTask, progress: Callable[[str], None]) -> tuple[BareDisk, Descent, float]:

@@ -7,6 +7,7 @@ from typing import Literal
 
 from ...models.base.arrays import Reals
 from ...models.build import Build, LayerSpec
+from ...models.effects.base.effect import TERMINALS
 from ...models.sweep import Sweep
 from ..interface import FitError, FitTask, Noise, TaskError
 from .covariance import posterior
@@ -77,10 +78,14 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     return task.build, there
 
 
-def refuse_effects(build: Build, fitter: str) -> None:
-    """Raise TaskError if the build states effects, for a fitter whose model has none."""
-    if build.effects:
-        names = ", ".join(f"{one.effect} at {one.where}" for one in build.effects)
+def refuse_effects(build: Build, fitter: str, *, outside: bool = False) -> None:
+    """Raise TaskError if the build states effects that the fitter's model lacks: any, or those inside of a device.
+
+    `outside`: whether it has those outside.
+    """
+    refused = [one for one in build.effects if not (outside and one.where == TERMINALS)]
+    if refused:
+        names = ", ".join(f"{one.effect} at {one.where}" for one in refused)
         raise TaskError(f"{fitter} cannot model the effects of build {build.name!r} ({names}); fit it with mason")
 
 

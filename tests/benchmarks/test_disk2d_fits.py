@@ -10,8 +10,12 @@ from disk_build import disk_build
 
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, disk_result, finite_disk, fitted_disk, with_effects
+from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, disk_result, finite_disk
+from pzctl.fitters.disk.two_d.disk_fit import fitted_disk
+from pzctl.fitters.disk.two_d.disk_under_diagnosis import with_effects
+from pzctl.fitters.disk.two_d.outside import Outside
 from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
+from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.engine.parameters.coordinates import positive
 from pzctl.fitters.interface import FitTask
 from pzctl.models.constants.passivity import passivity_margin
@@ -75,8 +79,9 @@ def test_a_lead_is_fitted_to_a_finite_element_disk(lab_cases):
     alone = fitted_disk(FitTask(read_build(folder / "build.toml"), {"disk": (few,)}), rounds=2, enough=0.1)
     lead = find_effect("lead-inductance")
     name = "lead-inductance@terminals.inductance"
+    nominal = stack_of(alone.disk.build, alone.disk.build.step(alone.disk.step))
     added = Added(lead, "terminals", {"inductance": 0.0, "resistance": 0.0, "skin": 0.0, "capacitance": 0.0})
-    whole = with_effects(alone, [added], [positive(name)], {name: 2e-8})
+    whole = with_effects(alone, Outside((added,), (positive(name),), {name: 2e-8}, nominal=nominal))
     result = disk_result(whole, 0.0)
     assert result.rms_log_error < 0.05 * disk_result(alone, 0.0).rms_log_error
     values, _ = whole.descent.objective.coordinates.forward(whole.descent.x)

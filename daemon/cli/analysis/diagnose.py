@@ -22,7 +22,11 @@ def diagnose(
     ] = None,
     build: Annotated[Path | None, typer.Option(help="build.toml; only the fitter `bvd` needs none.")] = None,
     fitter: Annotated[
-        str, typer.Option(help="Whose model is diagnosed: mason, or radial, disk, disk2d, bvd for what is no stack.")
+        str,
+        typer.Option(
+            help="Whose model is diagnosed: mason, stack2d for one of finite diameter, or radial, disk, disk2d, bvd "
+            "for what is no stack."
+        ),
     ] = "mason",
     effects: Annotated[
         str | None, typer.Option(help="Consider only these effects, for example cable,bond-layer.")

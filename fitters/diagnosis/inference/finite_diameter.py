@@ -4,9 +4,8 @@ Radial overtones and the edge mode are no small addition to the thickness mode, 
 model describes them to the noise. The whole disk is therefore fitted anew, with all ten constants, by `disk2d`.
 """
 
-import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,20 +13,27 @@ import numpy as np
 from scipy.special import expit
 
 from ....models.base.errors import PzctlError
+from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.matrices import CONSTANTS
-from ....models.effects import Added, Device, find_effect, outside_effects
+from ....models.effects import Added, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
+from ....models.stack import CONSTANT, CausalConstantQ, LossLaw, Stack
 from ...disk.bare_disk import bare_disk
-from ...disk.two_d.disk2d import FittedDisk, disk_result, fitted_disk, with_effects
+from ...disk.two_d.disk2d import disk_result
+from ...disk.two_d.disk_fit import NAME as NAME_2D
+from ...disk.two_d.disk_fit import FittedDisk, fitted_disk, reference_of
+from ...disk.two_d.disk_under_diagnosis import diagnosable, plate_of, thinner, with_effects
+from ...disk.two_d.outside import Outside
 from ...disk.two_d.tensor_start import implausibility
-from ...engine.covariance import estimate
+from ...engine.fitted_model import FittedModel, Seed, without_effects
 from ...engine.objective import Objective
 from ...engine.on_cores import on_cores
 from ...engine.parameters.assembly import stack_of
-from ...engine.parameters.coordinates import Coordinates
-from ...interface import Curve, FitError, FitResult, FitTask
+from ...engine.parameters.coordinates import Block, positive
+from ...engine.recording import Posterior, Recording
+from ...interface import Constant, Curve, FitError, FitResult, FitTask
 from ..decision_rules import COARSENED_RIM, NAMED, ODDS
-from ..findings import Finding, Size
+from ..findings import Finding, FitSummary, Size
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
@@ -38,68 +44,164 @@ _SHOWS = 0.02
 plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
 _DESCRIBED = 6e-3
 """Rms of ln(Z_model/Z) below which the two-dimensional fit is complete: the accuracy of its reduced model."""
+_NEAR = 0.03
+"""Rms of ln(Z_model/Z) of a quick fit from which the disk's constants are near enough for effects to be added."""
+_WIRES = (
+    ("lead-inductance", TERMINALS, ("inductance", "resistance")),
+    ("stray-capacitance", TERMINALS, ("capacitance",)),
+)
+"""Effects at the terminals, with their parameters, that are fitted together with a disk that does not fit alone."""
 _ROUNDS = 4
 """Budget: descents in two dimensions, of at most twelve steps each."""
 _TERMINALS = 2
 """Budget: effects at the terminals beside the finite diameter."""
 _STARTS = (-1.0, 1.0)
-"""Start sizes of an effect, in standard deviations of ln size."""
+_NEAR_STARTS = (0.0,)
+"""Start sizes of an effect, in standard deviations of ln size; the latter from constants that fit with wires."""
+_RIM, _FALL, _EARLY = 7.0, -1.4, 0.3
+"""Rms of ln Z that the best plate leaves of a disk, as a power of diameter/thickness (see `_SHOWS`), and the part of it
+from which the disk is tried before all else."""
+_TRIED = 1.5
+"""chi2 up to which a disk counts as described, so that nothing beside it is looked for here."""
+_FALLS = 0.7
+"""Part of chi2 that an effect may leave to be one from which the search begins, which then says whether it is there."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
 
 @dataclass(frozen=True, eq=False)
-class BesideTheRim:
-    """An effect at the terminals of a finite disk."""
+class DiskTried:
+    """A disk of finite diameter as fitted to the bare disk's recordings, alone and with effects at its terminals."""
 
-    candidate: Candidate
-    probability: float
-    sizes: Mapping[str, Size]
-    chi2_without: float
-    """Misfit per degree of freedom without it."""
-
-
-@dataclass(frozen=True, eq=False)
-class FiniteDisk:
-    """Fit of the bare disk's recordings by a disk of finite diameter."""
-
+    alone: FittedDisk
+    whole: FittedDisk
+    beside: tuple[Candidate, ...]
+    """Effects at the terminals of the whole."""
     result: FitResult
-    probability: float
-    beside: tuple[BesideTheRim, ...] = ()
+    """Of the whole."""
 
     @property
     def described(self) -> bool:
         """Whether the residual is within the accuracy of the two-dimensional model."""
         return self.result.rms_log_error < _DESCRIBED
 
+    @property
+    def model(self) -> FittedModel:
+        """The disk without effects, with the law of losses that fits with them; a search begins with them."""
+        bare, objective = self.alone.descent, self.alone.descent.objective
+        recordings = [_lossy(one, self.whole.model.law) for one in objective.recordings]
+        same = Objective(recordings, objective.coordinates, objective.priors)
+        made = diagnosable(replace(self.alone, model=self.whole.model, descent=replace(bare, objective=same)))
+        names = frozenset((one.effect.name, one.where) for one in self.beside)
+        values, _ = self.whole.descent.objective.coordinates.forward(self.whole.descent.x)
+        return replace(made, seeds=(Seed(names, values),) if names else ())
 
-def finite(
-    task: FitTask, null: Refit, best: Refit, progress: Callable[[str], None], jobs: int = 1
-) -> FiniteDisk | None:
-    """Fit the two-dimensional disk; return it if it is more probable than the `best` one-dimensional explanation.
 
-    Effects at the terminals are looked for on it as on a plate. Return None otherwise: also if there is no recording of
-    a round bare disk, if the disk is too wide for its rim to matter, or if the best explanation leaves too little for
-    lateral modes.
+def _lossy(recording: Recording, law: LossLaw) -> Recording:
+    model = recording.model
+    return replace(recording, model=replace(model, law=law)) if isinstance(model, Disk2D) else recording
+
+
+@dataclass(frozen=True, eq=False)
+class FiniteDisk:
+    """A finite diameter that is more probable than what a plate can have."""
+
+    tried: DiskTried
+    probability: float
+
+    @property
+    def result(self) -> FitResult:
+        """The fit in two dimensions."""
+        return self.tried.result
+
+
+def shows_early(task: FitTask, null: Refit) -> bool:
+    """Return whether the plate leaves as much as a rim would, so that the disk is fitted before anything else."""
+    try:
+        disk = bare_disk(task, "disk2d", round_one=True, frees=True)
+    except FitError:
+        return False
+    ratio = 2 * disk.radius / disk.sizes["thickness"].re
+    return _rms(null) > max(_SHOWS, _EARLY * _RIM * ratio**_FALL)
+
+
+def tried(
+    task: FitTask, null: Refit, best: Refit | None, progress: Callable[[str], None], jobs: int = 1
+) -> DiskTried | None:
+    """Fit the two-dimensional disk, and look for effects at its terminals.
+
+    Return None if there is no recording of a round bare disk, if the disk is too wide for its rim to matter, or if the
+    `best` explanation by a plate (the one without effects, if there is no other yet) leaves too little.
     """
-    left = _rms(best)
+    left = _rms(best or null)
     if left < _SHOWS:
         return None
     # A plate with effects at its terminals may leave less than a disk without them, until the disk has them, too.
-    hopeless = math.inf if any(one.where == TERMINALS for one in best.effects) else left
+    hopeless = _rms(null) if best is None or any(one.where == TERMINALS for one in best.effects) else left
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        alone = fitted_disk(task, _ROUNDS, enough=_DESCRIBED, hopeless=hopeless, jobs=jobs)
-        # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
-        if disk_result(alone, 0.0).rms_log_error > _rms(null):
-            return None
-        whole, added = _with_terminals(alone, progress, jobs)
-        result = disk_result(whole, time.perf_counter() - began)
+        alone, base = _disks(task, hopeless, progress, jobs)
+        whole, added = _with_terminals(alone, base, progress, jobs)
+        return DiskTried(alone, whole, added, disk_result(whole, time.perf_counter() - began))
     except FitError:
         return None
-    probability = _probability(task, result, null, best)
-    return FiniteDisk(result, probability, added) if probability > NAMED else None
+
+
+def _disks(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> tuple[FittedDisk, FittedDisk]:
+    """Return the disk fitted alone, and one whose constants are good starts for a fit with effects at the terminals.
+
+    With an effect the disk alone may end anywhere, so that no effect added there helps; it is then also searched for
+    with a lead and a stray capacitance, which act as most effects at the terminals do. Raises FitError if neither
+    leaves less than `hopeless`.
+    """
+    alone = _attempt(task, _NEAR, jobs, None)
+    if alone is not None and left_by(alone) < _DESCRIBED:
+        return alone, alone
+    progress("fitting the disk in two dimensions together with its wires")
+    disk = bare_disk(task, NAME_2D, round_one=True, frees=True)
+    joint = _attempt(task, _NEAR, jobs, _wires(stack_of(disk.build, disk.build.step(disk.step))))
+    if joint is not None:
+        base = _without(joint, [name for name, _, _ in _WIRES])
+        return alone or with_effects(base, Outside()), base
+    alone = alone or fitted_disk(task, _ROUNDS, enough=_DESCRIBED, hopeless=hopeless, jobs=jobs)
+    # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
+    if left_by(alone) > hopeless:
+        raise FitError(f"a disk of finite diameter leaves {left_by(alone):.2g} of ln Z, more than {hopeless:.2g}")
+    return alone, alone
+
+
+def _attempt(task: FitTask, enough: float, jobs: int, outside: Outside | None) -> FittedDisk | None:
+    """Return a quick fit; None if it leaves more of ln Z (rms) than is `enough`."""
+    try:
+        return fitted_disk(task, _ROUNDS, enough=enough, hopeless=enough, jobs=jobs, outside=outside)
+    except FitError:
+        return None
+
+
+def _wires(nominal: Stack) -> Outside:
+    """Return a lead and a stray capacitance of usual sizes."""
+    added: list[Added] = []
+    blocks: list[Block] = []
+    start: dict[str, float] = {}
+    priors: list[Posterior] = []
+    for effect, where, free in _WIRES:
+        found = find_effect(effect)
+        knobs = found.effect_parameters(nominal, where)
+        one = Candidate(found, where, (), tuple(knob for knob in knobs if knob.name in free))
+        added.append(Added(found, where, {knob.name: knob.null for knob in knobs}))
+        for name, knob in zip(one.parameters, one.effect_parameters, strict=True):
+            median, spread = knob.expected
+            blocks.append(positive(name))
+            start[name] = median * float(np.exp(-spread))
+            priors.append(Posterior((name,), np.array([np.log(median)]), np.array([[1 / spread]])))
+    return Outside(tuple(added), tuple(blocks), start, tuple(priors), nominal)
+
+
+def finite(made: DiskTried, task: FitTask, null: Refit, best: Refit) -> FiniteDisk | None:
+    """Return the disk if it is more probable than the `best` one-dimensional explanation."""
+    probability = _probability(task, made.result, null, best)
+    return FiniteDisk(made, probability) if probability > NAMED else None
 
 
 def _rms(one: Refit) -> float:
@@ -107,11 +209,21 @@ def _rms(one: Refit) -> float:
     return max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in one.objective.log_ratios(one.descent.x))
 
 
+def left_by(found: FittedDisk) -> float:
+    """Return the largest rms of ln(Z_model/Z) of a recording."""
+    ratios = found.descent.objective.log_ratios(found.descent.x)
+    return max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios)
+
+
 def _with_terminals(
-    alone: FittedDisk, progress: Callable[[str], None], jobs: int
-) -> tuple[FittedDisk, tuple[BesideTheRim, ...]]:
-    """Return the disk with the effects at its terminals that its recordings show, largest gain first."""
-    nominal = stack_of(alone.disk.build, alone.disk.build.step(alone.disk.step))
+    alone: FittedDisk, base: FittedDisk, progress: Callable[[str], None], jobs: int
+) -> tuple[FittedDisk, tuple[Candidate, ...]]:
+    """Return the disk with effects at its terminals, largest gain first, from which a search can begin.
+
+    A search that starts from the disk alone does not find them: its constants have gone far to imitate them. Trials
+    start from the constants of `base`.
+    """
+    nominal = plate_of(alone)
     steps = (alone.disk.step,)
     left = [
         Candidate(effect, where, steps, effect.effect_parameters(nominal, where))
@@ -119,29 +231,34 @@ def _with_terminals(
         for where in effect.places(nominal)
         if effect.effect_parameters(nominal, where)
     ]
-    best, taken, found = alone, list[Candidate](), list[BesideTheRim]()
-    for _ in range(_TERMINALS):
+    few, taken, values = thinner(base), list[Candidate](), dict[str, float]()
+    before = _chi2_alone(thinner(alone))
+    starts = _STARTS if base is alone else _NEAR_STARTS
+    while len(taken) < _TERMINALS and before > _TRIED:
         progress(f"trying {len(left)} effects beside the finite diameter")
-        ends = on_cores([partial(_beside, best, taken, one, z) for one in left for z in _STARTS], jobs)
-        trials: list[tuple[float, dict[str, float], Candidate]] = []
-        for k, one in enumerate(left):
-            own = [end for end in ends[k * len(_STARTS) : (k + 1) * len(_STARTS)] if end is not None]
-            if own:
-                chi2, values = min(own, key=lambda end: end[0])
-                trials.append((_log_odds(best, chi2, one), values, one))
+        ends = on_cores([partial(_beside, few, taken, one, z) for one in left for z in starts], jobs)
+        pairs = zip(ends, (one for one in left for _ in starts), strict=True)
+        points = sum(one.sweep.frequency.size for one in few.descent.objective.recordings)
+        trials = [(_log_odds(points * np.log(before / end[0]), points, one), end, one) for end, one in pairs if end]
         if not trials:
             break
-        trials.sort(key=lambda trial: -trial[0])
-        odds, values, one = trials[0]
-        others = float(np.sum(np.exp(np.array([trial[0] for trial in trials]) - odds)))
-        probability = float(expit(odds)) / others
-        if probability < NAMED:
+        odds, (chi2, there), one = max(trials, key=lambda trial: trial[0])
+        if odds < 0 or chi2 > _FALLS * before:
             break
-        made = _fitted(best, [*taken, one], values)
-        found.append(BesideTheRim(one, probability, _effect_sizes(made, one), _chi2_alone(best)))
-        best, left = made, [other for other in left if other is not one]
+        few, values, before = _fitted(few, [*taken, one], there), there, chi2
+        left = [other for other in left if other is not one]
         taken.append(one)
-    return best, tuple(found)
+    return (_lawful(base, taken, values) if taken else alone), tuple(taken)
+
+
+def _lawful(base: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
+    """Return the disk fitted with these effects to all points, by the law of losses that describes them better."""
+    made = _fitted(base, effects, start)
+    if _chi2_alone(made) < _TRIED:
+        return made
+    law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk))
+    other = _fitted(base, effects, start, law)
+    return min((made, other), key=_chi2_alone)
 
 
 def _beside(
@@ -162,29 +279,18 @@ def _beside(
     return _chi2_alone(made), {name: values[name] for name in start}
 
 
-def _fitted(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
+def _fitted(
+    best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float], law: LossLaw | None = None
+) -> FittedDisk:
     """Return the disk fitted with these effects; it may have some of them already."""
-    added = [Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects]
-    blocks = [block for one in effects for block in one.blocks(start)]
-    return with_effects(_without(best, effects[:-1]), added, blocks, start)
+    added = tuple(Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects)
+    blocks = tuple(block for one in effects for block in one.blocks(start))
+    outside = Outside(added, blocks, start, nominal=plate_of(best))
+    return with_effects(_without(best, [one.effect.name for one in effects]), outside, law)
 
 
-def _without(found: FittedDisk, effects: Sequence[Candidate]) -> FittedDisk:
-    """Return the fit with the coordinates of these effects taken away; its values stay where they are."""
-    if not effects:
-        return found
-    names = {name for one in effects for name in one.parameters}
-    before = found.descent.objective
-    coordinates = before.coordinates
-    values, _ = coordinates.forward(found.descent.x)
-    blocks = tuple(block for block in coordinates.blocks if not names & set(block.parameters))
-    free = tuple(name for name in coordinates.free if name not in names)
-    kept = Coordinates(blocks, {n: v for n, v in values.items() if n not in names}, free)
-    bare = [
-        replace(one, model=one.model.bare if isinstance(one.model, Device) else one.model) for one in before.recordings
-    ]
-    objective = Objective(bare, kept, before.priors)
-    return replace(found, descent=replace(found.descent, objective=objective, start=kept.x, x=kept.x))
+def _without(found: FittedDisk, effects: Collection[str]) -> FittedDisk:
+    return replace(found, descent=without_effects(found.descent, effects))
 
 
 def _chi2_alone(found: FittedDisk) -> float:
@@ -198,31 +304,14 @@ def _chi2_alone(found: FittedDisk) -> float:
     return max(1.0, float(np.mean(np.concatenate(squares))))
 
 
-def _log_odds(before: FittedDisk, left: float, one: Candidate) -> float:
-    """Return ln odds of an effect beside the rim that leaves this misfit, by the rule of `_probability`."""
-    points = sum(recording.sweep.frequency.size for recording in before.descent.objective.recordings)
-    was = _chi2_alone(before)
-    gain = points * float(np.log(was / left)) - len(one.parameters) / 2 * float(np.log(2 * points))
-    return gain / _coarseness(points * float(np.log(left))) + float(np.log(ODDS * one.effect.odds))
+def _log_odds(gain: float, points: int, one: Candidate) -> float:
+    """Return ln odds of an effect beside the rim, given the gain in ln likelihood with all misfit as noise."""
+    return gain - len(one.parameters) / 2 * float(np.log(2 * points)) + float(np.log(ODDS * one.effect.odds))
 
 
 def _coarseness(short: float) -> float:
     """Return how much ln evidence counts as one nat if this much is missing."""
     return 1 + COARSENED_RIM * max(0.0, short)
-
-
-def _effect_sizes(found: FittedDisk, one: Candidate) -> dict[str, Size]:
-    """Return an effect's parameters with standard uncertainties."""
-    coordinates = found.descent.objective.coordinates
-    values, _ = coordinates.forward(found.descent.x)
-    covariance = estimate(found.descent).covariance
-    names = coordinates.parameters
-    return {
-        knob.name: Size(
-            values[name], float(np.sqrt(max(0.0, covariance[names.index(name), names.index(name)]))), knob.unit
-        )
-        for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
-    }
 
 
 def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> float:
@@ -255,33 +344,9 @@ def _chi2_of(one: Refit, result: FitResult) -> float:
     return float(np.mean(np.concatenate(squares)))
 
 
-def findings_of(finite: FiniteDisk, null: Refit, held_before: float) -> list[Finding]:
-    """Return the finite diameter as a finding, and the effects at the terminals beside it."""
-    rim = finding_of(finite, null, held_before)
-    return [rim, *(_finding_beside(finite, one, rim) for one in finite.beside)]
-
-
-def _finding_beside(finite: FiniteDisk, one: BesideTheRim, rim: Finding) -> Finding:
-    return Finding(
-        effect=one.candidate.effect.name,
-        where=one.candidate.where,
-        step=rim.step,
-        probability=one.probability,
-        bands_Hz=rim.bands_Hz,
-        parameters=one.sizes,
-        chi2_per_dof_before=one.chi2_without,
-        chi2_per_dof_after=finite.result.chi2_per_dof,
-        held_out_before=float("nan"),
-        held_out_after=float("nan"),
-        alternatives=(),
-        says=one.candidate.effect.says.format(where=one.candidate.where),
-        share=max(0.0, 1 - finite.result.chi2_per_dof / max(one.chi2_without, 1e-300)),
-    )
-
-
-def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
-    """Return the finding, with the bands in which the one-dimensional fit fails."""
-    layer = next(iter(finite.result.constants)).partition(".")[0]
+def finding_of(finite: FiniteDisk, null: Refit, held_before: float, final: FitSummary) -> Finding:
+    """Return the finding, with the bands in which the one-dimensional fit fails; `final`: the disk as diagnosed."""
+    layer = finite.tried.alone.disk.layer.name
     where = f"layer:{layer}"
     step = finite.result.curves[0].step
     bands = [
@@ -296,20 +361,20 @@ def finding_of(finite: FiniteDisk, null: Refit, held_before: float) -> Finding:
         step=step,
         probability=finite.probability,
         bands_Hz=tuple(bands[:5]),
-        parameters=_sizes(finite.result, layer),
+        parameters=_sizes(final.constants, layer),
         chi2_per_dof_before=null.chi2_per_dof,
-        chi2_per_dof_after=finite.result.chi2_per_dof,
+        chi2_per_dof_after=final.chi2_per_dof,
         held_out_before=held_before,
-        held_out_after=float("nan"),
+        held_out_after=final.held_out,
         alternatives=(),
         says=find_effect(NAME).says.format(where=where)
         + f" Fitted in two dimensions, {finite.result.rms_log_error:.2g} is left of ln Z (root mean square).",
     )
 
 
-def curves(finite: FiniteDisk, of_null: tuple[Curve, ...]) -> tuple[Curve, ...]:
+def curves(of_disk: Sequence[Curve], of_null: Sequence[Curve]) -> tuple[Curve, ...]:
     """Return one final curve per initial curve; outside the range of the two-dimensional fit it is unchanged."""
-    left = list(finite.result.curves)
+    left = list(of_disk)
     made: list[Curve] = []
     for curve in of_null:
         own = next((one for one in left if one.step == curve.step and set(one.frequency) <= set(curve.frequency)), None)
@@ -323,7 +388,7 @@ def curves(finite: FiniteDisk, of_null: tuple[Curve, ...]) -> tuple[Curve, ...]:
     return tuple(made)
 
 
-def _sizes(result: FitResult, layer: str) -> dict[str, Size]:
+def _sizes(constants: Mapping[str, Constant], layer: str) -> dict[str, Size]:
     """Return the lateral constants, which the thickness mode does not determine."""
-    found = {name: result.constants.get(f"{layer}.{name}") for name in ("c11E", "c12E", "c13E")}
+    found = {name: constants.get(f"{layer}.{name}") for name in ("c11E", "c12E", "c13E")}
     return {name: Size(one.re, one.u_re or 0.0, one.unit) for name, one in found.items() if one is not None}

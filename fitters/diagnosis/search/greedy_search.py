@@ -57,6 +57,8 @@ class GreedySearch:
     progress: Callable[[str], None] = lambda _: None
     jobs: int = 1
     """Number of processes that fit hypotheses at the same time. The result does not depend on it."""
+    seeds: tuple[tuple[tuple[Candidate, ...], Mapping[str, float]], ...] = ()
+    """Effects with values near their minimum, where that cannot be found from the fit without effects."""
     found: dict[frozenset[Candidate], Hypothesis] = field(default_factory=dict[frozenset[Candidate], Hypothesis])
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
     _likely: Candidate | None = None
@@ -74,7 +76,9 @@ class GreedySearch:
         return self.ranked[0]
 
     def begin(self) -> Hypothesis:
-        """Fit the hypothesis without effects."""
+        """Fit the hypothesis without effects, unless that was done before."""
+        if frozenset() in self.found:
+            return self.found[frozenset()]
         null = fitted(self.problem, (), self.problem.values, near=True, rounds=5)
         self.found[null.key] = null
         return null
@@ -82,9 +86,11 @@ class GreedySearch:
     def run(self) -> Hypothesis:
         """Run the complete search; return the best hypothesis."""
         null = self.begin()
-        self.try_without_errors(null)
-        self.account_for_lines()
-        self.grow(self.found[frozenset()], FITTED_FIRST)
+        self._fit([_Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
+        if self.best is null:
+            self.try_without_errors(null)
+            self.account_for_lines()
+            self.grow(self.found[frozenset()], FITTED_FIRST)
         self.polish()
         if self.best.effects:
             self.try_without_errors(self.best)
@@ -110,10 +116,6 @@ class GreedySearch:
 
     def account_for_lines(self) -> None:
         """Make the weak lines that the best hypothesis leaves part of the error model of all hypotheses."""
-        import os
-
-        if os.environ.get("NOLINES"):
-            return
         lines = weak_lines(self.best)
         if set(lines) == set(self.problem.lines):
             return

@@ -1,7 +1,7 @@
 """Start values of the two-dimensional fit, and the priors of a piezoceramic."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -57,6 +57,8 @@ _SCAN = 500
 _FACES: Reals = np.linspace(-0.16, 0.16, 65)
 _SPEED, _LEVEL = 0.08, 0.25
 # Prior standard deviations of the logarithms of the scale factors: of a tensor's frequencies and of its permittivities.
+_TRIES = 40
+# Draws for each tensor wanted, at most.
 _SOFTER = (0.0, -0.03, 0.03, -0.06, 0.06)
 # Half the relative change of s11E and s12E.
 _BLUR = 0.2
@@ -165,10 +167,34 @@ def starts(disk: BareDisk) -> list[dict[str, float]]:
     return [sizes | _parameters(disk.layer.name, tensor) for tensor in tensors]
 
 
-def matched(disk: BareDisk, model: Disk2D, coordinates: Coordinates) -> list[dict[str, float]]:
+def drawn_constants(usual: Mapping[str, float], rng: np.random.Generator) -> dict[str, float] | None:
+    """Return real constants from the prior around `usual`, with the same axial ones; None if they are unlikely."""
+    lateral = [name for name in CONSTANTS if name in AXIAL]
+    drawn = {**usual, **{name: usual[name] * (1 + WIDTHS[name] * rng.normal()) for name in lateral}}
+    return drawn if _likelihood(drawn, usual) >= rng.uniform() else None
+
+
+def _likelihood(drawn: Mapping[str, float], usual: Mapping[str, float]) -> float:
+    """Return the prior density of s11E - s12E and s11E + s12E over its largest value."""
+    minus, plus = _plane(drawn)
+    if minus <= 0 or plus <= 0:
+        return 0.0
+    ratios = [math.log(one / other) for one, other in zip((minus, plus), _plane(usual), strict=True)]
+    return math.exp(-sum((ratio / (2 * PLANE)) ** 2 for ratio in ratios) / 2)
+
+
+def _plane(c: Mapping[str, float]) -> tuple[float, float]:
+    """Return the stiffnesses 1/(s11E - s12E) and 1/(s11E + s12E), Pa."""
+    return c["c11E"] - c["c12E"], c["c11E"] + c["c12E"] - 2 * c["c13E"] ** 2 / c["c33E"]
+
+
+def matched(
+    disk: BareDisk, model: Disk2D, coordinates: Coordinates, beside: Mapping[str, float]
+) -> list[dict[str, float]]:
     """Return the same with the plane softer or stiffer, and the whole tensor scaled to match the recordings.
 
-    The best match of each tensor comes first, then the others, each group best first.
+    The best match of each tensor comes first, then the others, each group best first. `beside`: values of what else
+    the coordinates have.
 
     Order and frequency of an overtone determine the stiffness of the plane only together, and neighbouring orders look
     alike: five stiffnesses of the plane are tried. With stiffnesses s times, permittivities q times and piezoelectric
@@ -177,17 +203,48 @@ def matched(disk: BareDisk, model: Disk2D, coordinates: Coordinates) -> list[dic
     at = [coordinates.free.index(f"{disk.layer.name}.tensor.{name}") for name in ("minus0", "axial0")]
     first: list[tuple[float, dict[str, float]]] = []
     rest: list[tuple[float, dict[str, float]]] = []
-    for start in starts(disk):
+    for start in ({**one, **beside} for one in starts(disk)):
         x = coordinates.inverse(start)
         family: list[tuple[float, dict[str, float]]] = []
         for softer in _SOFTER:
             moved = x.copy()
             moved[at] += softer
-            family.append(_matched(disk, model.replace(start | _own(coordinates.forward(moved)[0], model))))
+            family.append(_matched(disk, model.replace(_own(start | coordinates.forward(moved)[0], model))))
         family.sort(key=lambda entry: entry[0])
         first.append(family[0])
         rest += family[1:]
     return [start for part in (first, rest) for _, start in sorted(part, key=lambda entry: entry[0])]
+
+
+def drawn_starts(
+    disk: BareDisk,
+    scaled: Sequence[Mapping[str, float]],
+    coordinates: Coordinates,
+    count: int,
+    rng: np.random.Generator,
+) -> list[Reals]:
+    """Return the coordinates of random tensors: the prior's, with the axial constants of each of `scaled` in turn.
+
+    The values of what else the coordinates have are those of `scaled`, too.
+    """
+    layer, usual = disk.layer.name, expected(disk.layer)
+    made: list[Reals] = []
+    for _ in range(_TRIES * count):
+        drawn, base = drawn_constants(usual, rng), scaled[len(made) % len(scaled)]
+        if drawn is None:
+            continue
+        values = dict(base)
+        for name in CONSTANTS:
+            axial, re = AXIAL.get(name, name), f"{layer}.{name}.re"
+            values[re] = drawn[name] * base[f"{layer}.{axial}.re"] / usual[axial]
+            values[f"{layer}.{name}.im"] *= values[re] / base[re]
+        try:
+            made.append(coordinates.inverse(values))
+        except PzctlError:
+            continue
+        if len(made) == count:
+            break
+    return made
 
 
 def _own(values: Mapping[str, float], model: Disk2D) -> dict[str, float]:

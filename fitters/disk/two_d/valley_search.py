@@ -46,8 +46,8 @@ def searched(
     lead below `enough`, rms of ln Z, no others are followed; if they leave more than `hopeless`, FitError is raised.
     """
     model = replace(model, rough=True)
-    places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates)]
-    coarse = [replace(_thinned(recording), model=model) for recording in recordings]
+    places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates, {})]
+    coarse = [replace(thinned(recording), model=model) for recording in recordings]
     evaluations = len(places)
     if enough > 0:
         x, more = followed(coarse, coordinates, priors, places, _HURRIED, jobs)
@@ -102,9 +102,9 @@ def _bottom(objective: Objective, x: Reals, most: int) -> _Bottom:
     return _Bottom(end.x, end.cost, end.evaluations)
 
 
-def _thinned(recording: Recording) -> Recording:
-    """Return the recording with every n-th point only."""
-    every = max(1, recording.sweep.frequency.size // _COARSE)
+def thinned(recording: Recording, points: int = _COARSE) -> Recording:
+    """Return the recording with every n-th point only, about so many."""
+    every = max(1, recording.sweep.frequency.size // points)
     sweep = recording.sweep
     few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
     return replace(recording, sweep=few, noise=recording.noise[::every])

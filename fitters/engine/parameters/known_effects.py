@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast, get_args
+from typing import TypeVar, cast, get_args
 
 import numpy as np
 
 from ....models.base.errors import PzctlError
+from ....models.base.model import Model
 from ....models.base.names import among
 from ....models.build import EffectSpec, Quantity
 from ....models.effects import Device, Effect, EffectParameter, Stage, find_effect
@@ -71,12 +72,17 @@ def known_effects(specs: Sequence[EffectSpec], stacks: Mapping[str, Stack]) -> t
     return found
 
 
-def with_effects(stack: Stack, step: str, known: Sequence[KnownEffect]) -> Stack | Device:
-    """Return the model of a step: its stack, extended by the effects of this step."""
+_OfStep = TypeVar("_OfStep", bound=Model)
+
+
+def with_effects(
+    model: _OfStep, step: str, known: Sequence[KnownEffect], nominal: Stack | None = None
+) -> _OfStep | Device:
+    """Return the model of a step, extended by the effects of this step; `nominal`: its plate, if it is no stack."""
     there = [one for one in known if step in one.steps]
     if not there:
-        return stack
-    device = Device(stack)
+        return model
+    device = Device(model, nominal=nominal)
     for one in there:
         values = {knob.name: one.spec.values[knob.name].re for knob in one.effect_parameters}
         device = device.with_effect(one.effect, one.spec.where, values)

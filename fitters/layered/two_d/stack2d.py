@@ -7,9 +7,11 @@ ceramic's losses nor the layers' constants need to compensate for them.
 import time
 from collections.abc import Callable
 
+from ...engine.fitted_model import FittedModel
 from ...interface import FitResult, FitTask
 from .stack_problem import NAME, problem_of
 from .stack_result import stack_result
+from .stack_under_diagnosis import diagnosable_stack
 from .stepwise import fitted_stack
 
 
@@ -29,3 +31,7 @@ class Stack2DFitter:
         began = time.perf_counter()
         found = fitted_stack(problem_of(task), progress)
         return stack_result(found, self.version, time.perf_counter() - began)
+
+    def fitted_model(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FittedModel:
+        """Return the fitted stack, for a diagnosis. Raises FitError as `fit` does."""
+        return diagnosable_stack(problem_of(task), progress)

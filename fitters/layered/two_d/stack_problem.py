@@ -12,6 +12,7 @@ from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.disk2d.training import HIGHEST
 from ....models.materials.passive import USUAL_POISSON
+from ....models.stack import Stack
 from ....models.stack.loss_laws import LossLaw
 from ....models.stack2d.layers2d import Ceramic2D, Isotropic
 from ....models.stack2d.stack_model import Layer2D, Stack2D, full_section
@@ -21,6 +22,7 @@ from ...disk.two_d.tensor_start import ceramic_priors
 from ...engine.multi_step_fit import check_task, refuse_effects
 from ...engine.noise import noise_of
 from ...engine.parameters.assembly import PIEZO_CONSTANTS, coordinates_of, layers_of, nominal_parameters, priors_of
+from ...engine.parameters.assembly import stack_of as plate
 from ...engine.parameters.coordinates import Coordinates, between
 from ...engine.recording import Posterior, Prior
 from ...interface import FitError, FitTask, Noise, TaskError
@@ -69,7 +71,7 @@ class StackProblem:
 def problem_of(task: FitTask) -> StackProblem:
     """Return the problem of a task. Raises FitError or TaskError for a build or recordings that the model lacks."""
     build, sweeps = check_task(replace(task, free=None))
-    refuse_effects(build, NAME)
+    refuse_effects(build, NAME, outside=True)
     _refuse(build)
     highest = HIGHEST / build.piezos[0].values["thickness"].re
     noise: dict[str, Noise] = {}
@@ -157,6 +159,11 @@ def stack_of(problem: StackProblem, step: str, values: Mapping[str, float], law:
     section = full_section(layers, highest)
     back, front = (values.get(f"{face}.z", 0.0) for face in ("back", "front"))
     return Stack2D(tuple(layers), values["area"], section, back, front)
+
+
+def plate_of(problem: StackProblem, step: str) -> Stack:
+    """Return the step in one dimension, which sets sizes and places of effects."""
+    return plate(problem.build, problem.build.step(step))
 
 
 def stack_coordinates(problem: StackProblem, steps: Sequence[str], start: Mapping[str, float]) -> Coordinates:

@@ -13,7 +13,7 @@ from ...disk.planar_result import PLANAR_UNITS, propagated, radial_named
 from ...disk.two_d.determined_constants import undetermined
 from ...disk.two_d.tensor_start import unusual
 from ...engine.covariance import Estimate, estimate
-from ...engine.parameters.assembly import layers_of
+from ...engine.parameters.assembly import effects_of, layers_of
 from ...engine.recording import rms
 from ...error_model.instrument_share import chi2_beside_instrument
 from ...interface import Constant, FitResult
@@ -37,8 +37,7 @@ def stack_result(found: FittedStack, version: str, seconds: float) -> FitResult:
     result = replace(result, chi2_per_dof=chi2_beside_instrument(objective.recordings, ratios, result.x.size))
     names, steps = objective.coordinates.parameters, tuple(problem.sweeps)
     layers = layers_of(problem.build, steps)
-    constants = fitted_constants(layers, found.values, names, result.covariance)
-    constants |= _further(found, names, result.covariance)
+    constants = _fitted(found, names, result.covariance)
     derived = derived_constants(layers, found.values, names, result.covariance)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
     return FitResult(
@@ -64,6 +63,20 @@ def stack_result(found: FittedStack, version: str, seconds: float) -> FitResult:
         ),
         curves=curves_of(objective, found.descent.start, result.x),
     )
+
+
+def constants_of_stack(found: FittedStack, names: tuple[str, ...], covariance: Reals) -> dict[str, Constant]:
+    """Return all constants and derived ones at the values of `found`; `covariance`: of the parameters `names`."""
+    layers = layers_of(found.problem.build, tuple(found.problem.sweeps))
+    made = _fitted(found, names, covariance)
+    return made | derived_constants(layers, found.values, names, covariance) | _radial(found, names, covariance)
+
+
+def _fitted(found: FittedStack, names: tuple[str, ...], covariance: Reals) -> dict[str, Constant]:
+    """Return the constants of all layers, and the parameters of the effects that the build states."""
+    build, steps = found.problem.build, tuple(found.problem.sweeps)
+    layers, known = layers_of(build, steps), effects_of(build, steps)
+    return fitted_constants(layers, found.values, names, covariance, effects=known) | _further(found, names, covariance)
 
 
 def _further(found: FittedStack, names: tuple[str, ...], covariance: Reals) -> dict[str, Constant]:

@@ -1,6 +1,5 @@
 """Where a fit of a stack in two dimensions starts: the one-dimensional answer, and tensors that agree with it."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -10,7 +9,7 @@ from ....models.base.arrays import Reals
 from ....models.base.errors import PzctlError
 from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.matrices import CONSTANTS
-from ...disk.two_d.tensor_start import AXIAL, PLANE, WIDTHS, expected, library
+from ...disk.two_d.tensor_start import AXIAL, drawn_constants, expected, library
 from ...engine.multi_step_fit import solve
 from ...engine.parameters.assembly import nominal_parameters
 from ...engine.parameters.coordinates import Coordinates
@@ -61,11 +60,10 @@ def drawn_starts(
 ) -> list[Reals]:
     """Return the coordinates of random tensors: the prior's, with the thickness-mode constants of `plate`."""
     usual = expected(problem.disk)
-    lateral = [name for name in CONSTANTS if name in AXIAL]
     made: list[Reals] = []
     for _ in range(_TRIES * count):
-        drawn = usual | {name: usual[name] * (1 + WIDTHS[name] * rng.normal()) for name in lateral}
-        if _likelihood(drawn, usual) < rng.uniform():
+        drawn = drawn_constants(usual, rng)
+        if drawn is None:
             continue
         x = _inverse(problem, _agreeing(problem.disk.name, drawn, plate), coordinates)
         if x is not None:
@@ -93,20 +91,6 @@ def drawn_layers(
             at = int(np.argmax(np.abs(slope)))
             width[at] = min(prior.u / abs(float(slope[at])), _WIDEST)
     return [centres[k % len(centres)] + width * rng.normal(size=width.size) for k in range(count)]
-
-
-def _likelihood(drawn: Mapping[str, float], usual: Mapping[str, float]) -> float:
-    """Return the prior density of s11E - s12E and s11E + s12E over its largest value."""
-    minus, plus = _plane(drawn)
-    if minus <= 0 or plus <= 0:
-        return 0.0
-    ratios = [math.log(one / other) for one, other in zip((minus, plus), _plane(usual), strict=True)]
-    return math.exp(-sum((ratio / (2 * PLANE)) ** 2 for ratio in ratios) / 2)
-
-
-def _plane(c: Mapping[str, float]) -> tuple[float, float]:
-    """Return the stiffnesses 1/(s11E - s12E) and 1/(s11E + s12E), Pa."""
-    return c["c11E"] - c["c12E"], c["c11E"] + c["c12E"] - 2 * c["c13E"] ** 2 / c["c33E"]
 
 
 def _inverse(problem: StackProblem, tensor: Tensor6mm, coordinates: Coordinates) -> Reals | None:

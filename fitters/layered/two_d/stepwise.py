@@ -11,13 +11,14 @@ from ....models.stack import CausalConstantQ
 from ....models.stack.loss_laws import CONSTANT, LossLaw
 from ....models.stack2d.reduction import KEPT
 from ....models.stack2d.stack_model import with_reduced_section
+from ...disk.two_d.lateral_search import Effort, searched
 from ...disk.two_d.misfit_as_noise import at_level, judged, left_of
 from ...engine.descent import Descent, descend
 from ...engine.objective import Objective
-from ...engine.parameters.assembly import layers_of, nominal_parameters, renamed
+from ...engine.parameters.assembly import effects_of, layers_of, nominal_parameters, renamed
+from ...engine.parameters.known_effects import with_effects
 from ...engine.recording import Prior, Recording
-from .lateral_search import Effort, searched
-from .stack_problem import StackProblem, nominal, stack_coordinates, stack_of, stack_priors, tensor_values
+from .stack_problem import StackProblem, nominal, plate_of, stack_coordinates, stack_of, stack_priors, tensor_values
 from .stack_start import drawn_layers, drawn_starts, library_starts, one_dimensional, thinned, usual_tensor
 
 _BARE, _STACK, _LAYERS = Effort(5, 200), Effort(3, 60), Effort(6, 40)
@@ -108,9 +109,10 @@ def _recordings(
         model, error = with_reduced_section(stack_of(problem, step, values, law), problem.bands(step), kept)
         errors.append(error)
         names = renamed(problem.build, step)
+        device = with_effects(model, step, effects_of(problem.build), plate_of(problem, step))
         pairs = zip(problem.sweeps[step], problem.noises[step], strict=True)
         own = error / math.sqrt(2)
-        made += [Recording(step, sweep, model, np.hypot(noise, own), renamed=names) for sweep, noise in pairs]
+        made += [Recording(step, sweep, device, np.hypot(noise, own), renamed=names) for sweep, noise in pairs]
     return made, max(errors)
 
 

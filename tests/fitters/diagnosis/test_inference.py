@@ -23,7 +23,7 @@ from pzctl.fitters.diagnosis.inference.effect_size import (
     projected,
     sizes_of,
 )
-from pzctl.fitters.diagnosis.inference.finite_diameter import finite
+from pzctl.fitters.diagnosis.inference.finite_diameter import tried
 from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.score_test import scores
@@ -104,7 +104,7 @@ def test_undetectable_effects_are_listed_with_their_shift_of_constants(lead_case
 
 def test_two_dimensions_are_not_tried_where_one_is_sufficient(lead_case) -> None:
     said: list[str] = []
-    assert finite(lead_case.task, lead_case.null, lead_case.final, said.append) is None
+    assert tried(lead_case.task, lead_case.null, lead_case.final, said.append) is None
     assert said == []
 
 

@@ -100,6 +100,32 @@ def test_a_known_stack_is_recovered(sweeps):
     assert not any("does not describe" in text for text in result.says)
 
 
+LEAD = """
+[[effects]]
+effect = "lead-inductance"
+where = "terminals"
+inductance_H = { value = 1e-6, u = 1e-6 }
+resistance_ohm = 0
+skin_ohm = 0
+capacitance_F = 0
+"""
+
+
+def test_a_lead_that_the_build_states_is_fitted_with_the_stack(sweeps):
+    wire = 2e-6
+    led = tuple(replace(one, impedance=one.impedance + 2j * np.pi * F * wire) for one in sweeps["disk"])
+    result = Stack2DFitter().fit(FitTask(parse_build(BUILD + LEAD, "build.toml"), {"disk": led}))
+    assert result.rms_log_error < 4e-4
+    lead = result.constants["lead-inductance@terminals.inductance"]
+    assert (lead.unit, lead.re) == ("H", pytest.approx(wire, rel=0.02))
+    inside = LEAD.replace("lead-inductance", "electrode-mass").replace("terminals", "face:front")
+    inside = inside.split("inductance_H")[0] + "mass_kg_m2 = 0.01\n"
+    with pytest.raises(
+        TaskError, match=r"stack2d cannot model the effects of build 'S' \(electrode-mass at face:front"
+    ):
+        problem_of(FitTask(parse_build(BUILD + inside, "build.toml"), {"disk": led}))
+
+
 def test_the_plate_block_has_exact_derivatives():
     block = plate_block("disk")
     values = np.array([tensor_values("disk", TENSOR)[name] for name in block.parameters])

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ...disk.two_d.misfit_as_noise import left_of
-from ...disk.two_d.valley_search import followed
 from ...engine.descent import descend
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
+from .misfit_as_noise import left_of
+from .valley_search import followed
 
 _WIDE = ((0.3, 16, 8), (0.1, 8, 10), (0.03, 4, 12))
 _NARROW = ((0.1, 16, 6), (0.05, 8, 8), (0.02, 4, 12))
@@ -48,15 +48,20 @@ def searched(
     given: Sequence[Reals],
     drawn: Callable[[int], Sequence[Reals]],
     effort: Effort,
+    enough: float = 0.0,
+    jobs: int = 1,
 ) -> tuple[Reals, int, int]:
     """Return the best minimum found, the index of its models in `exact`, and the number of evaluations.
 
     `rough`: recordings with quick models. `exact`: the same with models that say whether a minimum describes them,
     which ends the search; there may be several kinds of these. `given`: starts that are followed first; `drawn(n)`
-    returns n random ones for later rounds.
+    returns n random ones for later rounds. `enough`: rms of ln Z that ends the search as well. `jobs`: number of
+    processes.
     """
     rng = np.random.default_rng(0)
     expected = math.sqrt(sum(float(np.sum(2 * one.noise**2)) for one in exact[0]))
+    points = sum(one.sweep.frequency.size for one in exact[0])
+    wanted = max(_DESCRIBED * expected, enough * math.sqrt(points))
     starts, minima, evaluations = list(given), list[tuple[float, int, Reals]](), 0
     for k in range(1 + effort.rounds):
         if k:
@@ -68,7 +73,7 @@ def searched(
         ranking = Objective([replace(one, misfit=search[0][0]) for one in rough], coordinates, priors)
         costs = np.array([float(np.sum(ranking.residual(x) ** 2)) for x in starts])
         best: list[Reals] = [starts[k] for k in np.argsort(costs).tolist()]
-        x, more = followed(rough, coordinates, priors, best, search, 1)
+        x, more = followed(rough, coordinates, priors, best, search, jobs)
         evaluations += len(starts) + more
         for kind, judging in enumerate(exact):
             last = Objective([replace(one, misfit=_LAST) for one in judging], coordinates, priors)
@@ -76,7 +81,7 @@ def searched(
             evaluations += end.evaluations
             minima.append((left_of(judging, coordinates, end.x), kind, end.x))
         minima.sort(key=lambda one: one[:2])
-        if minima[0][0] < _DESCRIBED * expected:
+        if minima[0][0] < wanted:
             break
     _, kind, x = minima[0]
     return x, kind, evaluations

@@ -1,0 +1,261 @@
+"""Disks of finite diameter with one further effect, by general finite elements (scikit-fem): a world for diagnoses.
+
+No formula and no code of the project's models: triangles of order four over the section in r and z, a dot of solder as
+part of the mesh, leads and cables as circuits, and losses by three laws. Every recording is a function of its number.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+from skfem import Basis, BilinearForm, ElementTriP4, MeshTri
+
+VOLT = 1e9
+EPS0 = 8.8541878e-12
+NAMES = ("c11E", "c12E", "c13E", "c33E", "c44E", "e31", "e33", "e15", "eps11S", "eps33S")
+CERAMICS = {
+    "Pz27": (147e9, 105e9, 93.7e9, 113e9, 23.0e9, -3.09, 16.0, 11.64, 1130, 914, 7700),
+    "PZT-5A": (121e9, 75.4e9, 75.2e9, 111e9, 21.1e9, -5.4, 15.8, 12.3, 916, 830, 7750),
+    "PZT-4": (139e9, 77.8e9, 74.3e9, 115e9, 25.6e9, -5.2, 15.1, 12.7, 730, 635, 7500),
+    "PZT-5H": (126e9, 79.5e9, 84.1e9, 117e9, 23.0e9, -6.5, 23.3, 17.0, 1700, 1470, 7500),
+}
+"""Published constants (Ferroperm; Berlincourt et al.): Pa, C/m2, relative permittivities, kg/m3."""
+SOLDER = {"density": 8500.0, "stiffness": 40e9, "poisson": 0.36, "loss": 0.01}
+LAWS = ("causal", "constant", "power")
+EFFECTS = ("lead-inductance", "stray-capacitance", "local-mass", "cable", "series-resistance")
+NOISE = 2e-4
+POINTS = 401
+INTEGRANDS = (
+    lambda u, v, w: u.grad[0] * v.grad[0] * w.x[0] + u * v / w.x[0],
+    lambda u, v, w: u.grad[0] * v + u * v.grad[0],
+    lambda u, v, w: u.grad[0] * v.grad[0] * w.x[0],
+    lambda u, v, w: u.grad[1] * v.grad[1] * w.x[0],
+    lambda u, v, w: u.grad[1] * (v.grad[0] * w.x[0] + v),
+    lambda u, v, w: u.grad[0] * v.grad[1] * w.x[0],
+    lambda u, v, w: u * v * w.x[0],
+)
+
+
+@dataclass(frozen=True)
+class FiniteDiskCase:
+    """Everything that makes a recording, SI units."""
+
+    seed: int
+    material: str
+    diameter: float
+    thickness: float
+    density: float
+    constants: tuple[float, ...]
+    """Real parts at the thickness resonance."""
+    elastic_loss: float
+    dielectric_loss: float
+    law: str
+    exponent: float
+    effect: str
+    """Empty if there is none."""
+    size: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def centre(self):
+        """Thickness resonance in Hz, roughly."""
+        c33, e33, eps = (self.constants[k] for k in (3, 6, 9))
+        return np.sqrt((c33 + e33**2 / eps) / self.density) / (2 * self.thickness)
+
+    @property
+    def frequency(self):
+        return np.linspace(0.45 * self.centre, 1.35 * self.centre, POINTS)
+
+    @property
+    def build(self):
+        return (
+            f'name = "disk-{self.seed}"\n'
+            f"diameter_mm = {1e3 * self.diameter:.6f}\n"
+            f'[[layers]]\nname = "disk"\nkind = "piezo"\nmaterial = "{self.material}"\n'
+            f"thickness_mm = {{ value = {1e3 * self.thickness:.6f}, u = 0.001 }}\n"
+            '[load]\nback = "air"\nfront = "air"\n'
+            '[[steps]]\nname = "disk"\nlayers = ["disk"]\n'
+        )
+
+
+def drawn(seed):
+    """Return a case: even numbers have no further effect, odd ones the next of EFFECTS; a third each of LAWS."""
+    rng = np.random.default_rng([21, seed])
+    material = str(rng.choice(list(CERAMICS)))
+    *ten, density = CERAMICS[material]
+    off = 1 + rng.uniform(0.03, 0.08, 10) * rng.choice([-1, 1], 10)
+    real = np.array(ten) * np.array([1.0] * 8 + [EPS0] * 2) * off
+    thickness = 1e-3 * rng.uniform(0.8, 2.2)
+    diameter = thickness * rng.uniform(7, 18)
+    effect = EFFECTS[seed // 2 % len(EFFECTS)] if seed % 2 else ""
+    law = LAWS[seed // 2 % len(LAWS)]
+    case = FiniteDiskCase(
+        seed,
+        material,
+        round(float(diameter), 7),
+        round(float(thickness), 8),
+        float(density * (1 + 0.005 * rng.normal())),
+        tuple(real.tolist()),
+        float(np.exp(rng.uniform(np.log(1 / 300), np.log(1 / 60)))),
+        float(rng.uniform(0.003, 0.02)),
+        law,
+        float(rng.choice([-1, 1]) * rng.uniform(0.3, 0.8)) if law == "power" else 0.0,
+        effect,
+    )
+    return FiniteDiskCase(**{**asdict(case), "size": _size(case, rng)})
+
+
+def _size(case, rng):
+    """Return the size of a case's effect; reactances are taken relative to that of the disk at its resonance."""
+    C = case.constants[9] * np.pi * case.diameter**2 / 4 / case.thickness
+    w = 2 * np.pi * case.centre
+    part = float(np.exp(rng.uniform(np.log(0.02), np.log(0.1))))
+    if case.effect == "lead-inductance":
+        return {"inductance": part / (w**2 * C), "resistance": 0.02}
+    if case.effect == "stray-capacitance":
+        return {"capacitance": part * C}
+    if case.effect == "series-resistance":
+        return {"resistance": 0.5 * part / (w * C)}
+    if case.effect == "cable":
+        delay = float(rng.uniform(0.5, 2.0)) / 2e8  # 0.5 to 2 m of coaxial line
+        return {"delay": delay, "impedance": 50.0, "loss_per_root_MHz": 5e-3}
+    if case.effect == "local-mass":
+        return {"radius": float(rng.uniform(0.06, 0.15)) * case.diameter / 2, "height": 0.25 * case.thickness}
+    return {}
+
+
+class FeDisk:
+    """The whole section of a disk, with a dot of solder on its front face if there is one."""
+
+    def __init__(self, case, per_thickness=5):
+        a, t = case.diameter / 2, case.thickness
+        dot = case.effect == "local-mass"
+        cells = int(np.ceil(a / t * per_thickness))
+        r = np.linspace(0, a, cells + 1)
+        z = np.linspace(0, t, per_thickness + 1)
+        edge = case.size.get("radius", 0.0)
+        if dot:
+            r = np.unique(np.append(r[np.abs(r - edge) > 0.3 * a / cells], [0.5 * edge, edge]))
+            r = r[(r == 0) | (r >= 0.5 * edge)]
+            z = np.append(z, t + case.size["height"])
+        mesh = MeshTri.init_tensor(r, z)
+        middle = mesh.p[:, mesh.t].mean(axis=1)
+        if dot:
+            mesh = mesh.restrict(np.flatnonzero((middle[1] < t) | (middle[0] < edge)))
+            middle = mesh.p[:, mesh.t].mean(axis=1)
+        element = ElementTriP4()
+        self.whole = Basis(mesh, element, intorder=9)
+        self.parts = [np.flatnonzero(middle[1] < t)] + ([np.flatnonzero(middle[1] > t)] if dot else [])
+        self.bases = [Basis(mesh, element, elements=own, intorder=9) for own in self.parts]
+        x, n = self.whole.doflocs, self.whole.N
+        every, tiny = np.arange(n), 1e-9 * t
+        inside = (x[1] > tiny) & (x[1] < t - tiny)
+        self.free = np.concatenate([every[x[0] > tiny], n + every, 2 * n + every[inside]])
+        self.driven = 2 * n + every[np.abs(x[1] - t) < tiny]
+        self.case, self.n = case, n
+        self.forms = [self._forms(basis) for basis in self.bases]
+
+    def _forms(self, basis):
+        rr, cross, dr, dz, sz, zr, m = (BilinearForm(of).assemble(basis) for of in INTEGRANDS)
+        zero = sp.csr_matrix((self.n, self.n))
+
+        def blocks(entries):
+            rows = [[zero] * 3 for _ in range(3)]
+            for (i, k), block in entries.items():
+                rows[i][k] = block
+                if i != k:
+                    rows[k][i] = block.T
+            return sp.csr_matrix(sp.bmat(rows))
+
+        return [
+            blocks({(0, 0): rr}),
+            blocks({(0, 0): cross}),
+            blocks({(0, 1): sz}),
+            blocks({(1, 1): dz}),
+            blocks({(0, 0): dz, (0, 1): zr, (1, 1): dr}),
+            blocks({(0, 2): sz}),
+            blocks({(1, 2): dz}),
+            blocks({(0, 2): zr, (1, 2): dr}),
+            blocks({(2, 2): -dr}),
+            blocks({(2, 2): -dz}),
+            blocks({(0, 0): m, (1, 1): m}),
+        ]
+
+    def impedance(self, frequency):
+        """Return Z in ohm, shape (N,), without what is outside of the disk."""
+        units = np.array([1.0] * 5 + [VOLT] * 3 + [VOLT**2] * 2)
+        made = []
+        for f in frequency:
+            ten = constants_at(self.case, f) * units
+            A = sum(w * form for w, form in zip(ten, self.forms[0], strict=False))
+            A = A - self.case.density * (2 * np.pi * f) ** 2 * self.forms[0][-1]
+            if len(self.forms) > 1:
+                own = zip(_solder() * units, self.forms[1], strict=False)
+                A = A + sum(w * form for w, form in own if w)
+                A = A - SOLDER["density"] * (2 * np.pi * f) ** 2 * self.forms[1][-1]
+            A = A.tocsr()
+            x = np.zeros(A.shape[0], complex)
+            x[self.driven] = 1 / VOLT
+            right = -(A @ x)[self.free]
+            x[self.free] = splu(A[self.free][:, self.free].tocsc()).solve(right)
+            made.append(1 / (2j * np.pi * f * -2 * np.pi * (x @ (A @ x))))
+        return np.array(made)
+
+
+def _solder():
+    E, nu = SOLDER["stiffness"] * (1 + 1j * SOLDER["loss"]), SOLDER["poisson"]
+    first, second = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
+    return np.array([first + 2 * second, first, first, first + 2 * second, second, 0, 0, 0, 0, 0])
+
+
+def constants_at(case, f):
+    """Return the ten complex constants at a frequency in Hz, shape (10,)."""
+    x = f / case.centre
+    loss = np.array([case.elastic_loss] * 5 + [0.0] * 3 + [-case.dielectric_loss] * 2)
+    real = np.array(case.constants)
+    if case.law == "constant":
+        return real * (1 + 1j * loss)
+    if case.law == "causal":
+        return (
+            real
+            * np.abs(1 + 1j * loss)
+            * (1j * x) ** (2 / np.pi * np.arctan(loss))
+            / (1j ** (2 / np.pi * np.arctan(loss)))
+            * np.exp(1j * np.arctan(loss))
+        )
+    n = np.array([case.exponent] * 5 + [0.0] * 5)
+    with np.errstate(invalid="ignore"):
+        power = np.where(n == 0, 2 / np.pi * np.log(x), (x**n - 1) / np.tan(np.where(n == 0, 1, n) * np.pi / 2))
+    return real * (1 + loss * (power + 1j * x**n))
+
+
+def recorded(case, Z):
+    """Return the impedance as recorded: with what is between disk and analyzer, and noise."""
+    f = case.frequency
+    w, size = 2 * np.pi * f, case.size
+    if case.effect == "lead-inductance":
+        Z = Z + size["resistance"] + 1j * w * size["inductance"]
+    elif case.effect == "stray-capacitance":
+        Z = Z / (1 + 1j * w * size["capacitance"] * Z)
+    elif case.effect == "series-resistance":
+        Z = Z + size["resistance"]
+    elif case.effect == "cable":
+        gamma = 1j * w * size["delay"] + size["loss_per_root_MHz"] * np.sqrt(f / 1e6) * (1 + 1j)
+        tanh, Z0 = np.tanh(gamma), size["impedance"]
+        Z = Z0 * (Z + Z0 * tanh) / (Z0 + Z * tanh)
+    rng = np.random.default_rng([22, case.seed])
+    return Z * np.exp(NOISE * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)))
+
+
+def written(seed, folder):
+    """Return the case with this number; its recording and build are made in the folder, unless they are there."""
+    case, own = drawn(seed), folder / f"case-{seed:03d}"
+    if not (own / "disk.csv").exists():
+        own.mkdir(parents=True, exist_ok=True)
+        f, Z = case.frequency, recorded(case, FeDisk(case).impedance(case.frequency))
+        (own / "build.toml").write_text(case.build)
+        (own / "truth.json").write_text(json.dumps(asdict(case), indent=1))
+        table = np.column_stack([f, Z.real, Z.imag])
+        np.savetxt(own / "disk.csv", table, "%.9e", ",", header="frequency_Hz,R_ohm,X_ohm", comments="")
+    return case
