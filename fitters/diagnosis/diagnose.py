@@ -122,7 +122,8 @@ class _FiniteDiameter:
     wanted: _Wanted
     problem: Problem
     search: GreedySearch
-    _tried: lateral.DiskTried | None = None
+    _tried: tuple[lateral.DiskTried | None, ...] = ()
+    """The disk as tried before all else, if that was done."""
 
     @property
     def null(self) -> Refit:
@@ -134,15 +135,15 @@ class _FiniteDiameter:
         null, wanted = self.null, self.wanted
         if not lateral.shows_early(self.task, null):
             return None
-        self._tried = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
-        if self._tried is None or not self._tried.described:
-            return None
-        return lateral.finite(self._tried, self.task, null, null)
+        made = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
+        self._tried = (made,)
+        return lateral.finite(made, self.task, null, null) if made is not None and made.described else None
 
     def beside(self, best: Refit) -> lateral.FiniteDisk | None:
         """Return the disk if it is more probable than the best plate."""
         null, wanted = self.null, self.wanted
-        made = self._tried or lateral.tried(self.task, null, best, wanted.progress, wanted.jobs)
+        early = self._tried or (lateral.tried(self.task, null, best, wanted.progress, wanted.jobs),)
+        made = early[0]
         return None if made is None else lateral.finite(made, self.task, null, best)
 
     def diagnosed(self, wide: lateral.FiniteDisk, gated: Gated, began: float) -> Diagnosis:
@@ -190,7 +191,8 @@ def _told(
     began: float,
 ) -> Diagnosis:
     """Return what was found as a diagnosis."""
-    problem, progress, jobs, fitter, learn = search.problem, wanted.progress, wanted.jobs, wanted.fitter, wanted.learn
+    progress, jobs, fitter, learn = wanted.progress, wanted.jobs, wanted.fitter, wanted.learn
+    problem = replace(search.problem, lines=())
     progress("validating on held-out data")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)

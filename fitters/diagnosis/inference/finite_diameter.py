@@ -5,66 +5,40 @@ model describes them to the noise. The whole disk is therefore fitted anew, with
 """
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.special import expit
 
-from ....models.base.errors import PzctlError
 from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.matrices import CONSTANTS
-from ....models.effects import Added, find_effect, outside_effects
+from ....models.effects import find_effect
 from ....models.effects.base.effect import TERMINALS
-from ....models.stack import CONSTANT, CausalConstantQ, LossLaw, Stack
+from ....models.stack import LossLaw
 from ...disk.bare_disk import bare_disk
 from ...disk.two_d.disk2d import disk_result
-from ...disk.two_d.disk_fit import NAME as NAME_2D
-from ...disk.two_d.disk_fit import FittedDisk, fitted_disk, reference_of
-from ...disk.two_d.disk_under_diagnosis import diagnosable, plate_of, thinner, with_effects
-from ...disk.two_d.outside import Outside
+from ...disk.two_d.disk_fit import FittedDisk
+from ...disk.two_d.disk_under_diagnosis import diagnosable
 from ...disk.two_d.tensor_start import implausibility
-from ...engine.fitted_model import FittedModel, Seed, without_effects
+from ...engine.fitted_model import FittedModel, Seed
 from ...engine.objective import Objective
-from ...engine.on_cores import on_cores
-from ...engine.parameters.assembly import stack_of
-from ...engine.parameters.coordinates import Block, positive
-from ...engine.recording import Posterior, Recording
+from ...engine.recording import Recording
 from ...interface import Constant, Curve, FitError, FitResult, FitTask
-from ..decision_rules import COARSENED_RIM, NAMED, ODDS
+from ..decision_rules import COARSENED_RIM, NAMED
 from ..findings import Finding, FitSummary, Size
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
+from .disk_with_wires import DESCRIBED, disks, is_narrow, ratio_of, with_terminals
 
 NAME = "lateral-modes"
 _SHOWS = 0.02
 """Rms of ln(Z_model/Z) of the one-dimensional fit above which the test is run, since lateral modes are strong: the best
 plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
-_DESCRIBED = 6e-3
-"""Rms of ln(Z_model/Z) below which the two-dimensional fit is complete: the accuracy of its reduced model."""
-_NEAR = 0.03
-"""Rms of ln(Z_model/Z) of a quick fit from which the disk's constants are near enough for effects to be added."""
-_WIRES = (
-    ("lead-inductance", TERMINALS, ("inductance", "resistance")),
-    ("stray-capacitance", TERMINALS, ("capacitance",)),
-)
-"""Effects at the terminals, with their parameters, that are fitted together with a disk that does not fit alone."""
-_ROUNDS = 4
-"""Budget: descents in two dimensions, of at most twelve steps each."""
-_TERMINALS = 2
-"""Budget: effects at the terminals beside the finite diameter."""
-_STARTS = (-1.0, 1.0)
-_NEAR_STARTS = (0.0,)
-"""Start sizes of an effect, in standard deviations of ln size; the latter from constants that fit with wires."""
 _RIM, _FALL, _EARLY = 7.0, -1.4, 0.3
 """Rms of ln Z that the best plate leaves of a disk, as a power of diameter/thickness (see `_SHOWS`), and the part of it
 from which the disk is tried before all else."""
-_TRIED = 1.5
-"""chi2 up to which a disk counts as described, so that nothing beside it is looked for here."""
-_FALLS = 0.7
-"""Part of chi2 that an effect may leave to be one from which the search begins, which then says whether it is there."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
@@ -83,7 +57,7 @@ class DiskTried:
     @property
     def described(self) -> bool:
         """Whether the residual is within the accuracy of the two-dimensional model."""
-        return self.result.rms_log_error < _DESCRIBED
+        return self.result.rms_log_error < DESCRIBED
 
     @property
     def model(self) -> FittedModel:
@@ -121,8 +95,7 @@ def shows_early(task: FitTask, null: Refit) -> bool:
         disk = bare_disk(task, "disk2d", round_one=True, frees=True)
     except FitError:
         return False
-    ratio = 2 * disk.radius / disk.sizes["thickness"].re
-    return _rms(null) > max(_SHOWS, _EARLY * _RIM * ratio**_FALL)
+    return is_narrow(disk) and _rms(null) > max(_SHOWS, _EARLY * _RIM * ratio_of(disk) ** _FALL)
 
 
 def tried(
@@ -141,61 +114,11 @@ def tried(
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        alone, base = _disks(task, hopeless, progress, jobs)
-        whole, added = _with_terminals(alone, base, progress, jobs)
+        alone, base = disks(task, hopeless, progress, jobs)
+        whole, added = with_terminals(alone, base, progress, jobs)
         return DiskTried(alone, whole, added, disk_result(whole, time.perf_counter() - began))
     except FitError:
         return None
-
-
-def _disks(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> tuple[FittedDisk, FittedDisk]:
-    """Return the disk fitted alone, and one whose constants are good starts for a fit with effects at the terminals.
-
-    With an effect the disk alone may end anywhere, so that no effect added there helps; it is then also searched for
-    with a lead and a stray capacitance, which act as most effects at the terminals do. Raises FitError if neither
-    leaves less than `hopeless`.
-    """
-    alone = _attempt(task, _NEAR, jobs, None)
-    if alone is not None and left_by(alone) < _DESCRIBED:
-        return alone, alone
-    progress("fitting the disk in two dimensions together with its wires")
-    disk = bare_disk(task, NAME_2D, round_one=True, frees=True)
-    joint = _attempt(task, _NEAR, jobs, _wires(stack_of(disk.build, disk.build.step(disk.step))))
-    if joint is not None:
-        base = _without(joint, [name for name, _, _ in _WIRES])
-        return alone or with_effects(base, Outside()), base
-    alone = alone or fitted_disk(task, _ROUNDS, enough=_DESCRIBED, hopeless=hopeless, jobs=jobs)
-    # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
-    if left_by(alone) > hopeless:
-        raise FitError(f"a disk of finite diameter leaves {left_by(alone):.2g} of ln Z, more than {hopeless:.2g}")
-    return alone, alone
-
-
-def _attempt(task: FitTask, enough: float, jobs: int, outside: Outside | None) -> FittedDisk | None:
-    """Return a quick fit; None if it leaves more of ln Z (rms) than is `enough`."""
-    try:
-        return fitted_disk(task, _ROUNDS, enough=enough, hopeless=enough, jobs=jobs, outside=outside)
-    except FitError:
-        return None
-
-
-def _wires(nominal: Stack) -> Outside:
-    """Return a lead and a stray capacitance of usual sizes."""
-    added: list[Added] = []
-    blocks: list[Block] = []
-    start: dict[str, float] = {}
-    priors: list[Posterior] = []
-    for effect, where, free in _WIRES:
-        found = find_effect(effect)
-        knobs = found.effect_parameters(nominal, where)
-        one = Candidate(found, where, (), tuple(knob for knob in knobs if knob.name in free))
-        added.append(Added(found, where, {knob.name: knob.null for knob in knobs}))
-        for name, knob in zip(one.parameters, one.effect_parameters, strict=True):
-            median, spread = knob.expected
-            blocks.append(positive(name))
-            start[name] = median * float(np.exp(-spread))
-            priors.append(Posterior((name,), np.array([np.log(median)]), np.array([[1 / spread]])))
-    return Outside(tuple(added), tuple(blocks), start, tuple(priors), nominal)
 
 
 def finite(made: DiskTried, task: FitTask, null: Refit, best: Refit) -> FiniteDisk | None:
@@ -207,106 +130,6 @@ def finite(made: DiskTried, task: FitTask, null: Refit, best: Refit) -> FiniteDi
 def _rms(one: Refit) -> float:
     """Return the largest rms of ln(Z_model/Z) of a recording."""
     return max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in one.objective.log_ratios(one.descent.x))
-
-
-def left_by(found: FittedDisk) -> float:
-    """Return the largest rms of ln(Z_model/Z) of a recording."""
-    ratios = found.descent.objective.log_ratios(found.descent.x)
-    return max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios)
-
-
-def _with_terminals(
-    alone: FittedDisk, base: FittedDisk, progress: Callable[[str], None], jobs: int
-) -> tuple[FittedDisk, tuple[Candidate, ...]]:
-    """Return the disk with effects at its terminals, largest gain first, from which a search can begin.
-
-    A search that starts from the disk alone does not find them: its constants have gone far to imitate them. Trials
-    start from the constants of `base`.
-    """
-    nominal = plate_of(alone)
-    steps = (alone.disk.step,)
-    left = [
-        Candidate(effect, where, steps, effect.effect_parameters(nominal, where))
-        for effect in outside_effects()
-        for where in effect.places(nominal)
-        if effect.effect_parameters(nominal, where)
-    ]
-    few, taken, values = thinner(base), list[Candidate](), dict[str, float]()
-    before = _chi2_alone(thinner(alone))
-    starts = _STARTS if base is alone else _NEAR_STARTS
-    while len(taken) < _TERMINALS and before > _TRIED:
-        progress(f"trying {len(left)} effects beside the finite diameter")
-        ends = on_cores([partial(_beside, few, taken, one, z) for one in left for z in starts], jobs)
-        pairs = zip(ends, (one for one in left for _ in starts), strict=True)
-        points = sum(one.sweep.frequency.size for one in few.descent.objective.recordings)
-        trials = [(_log_odds(points * np.log(before / end[0]), points, one), end, one) for end, one in pairs if end]
-        if not trials:
-            break
-        odds, (chi2, there), one = max(trials, key=lambda trial: trial[0])
-        if odds < 0 or chi2 > _FALLS * before:
-            break
-        few, values, before = _fitted(few, [*taken, one], there), there, chi2
-        left = [other for other in left if other is not one]
-        taken.append(one)
-    return (_lawful(base, taken, values) if taken else alone), tuple(taken)
-
-
-def _lawful(base: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
-    """Return the disk fitted with these effects to all points, by the law of losses that describes them better."""
-    made = _fitted(base, effects, start)
-    if _chi2_alone(made) < _TRIED:
-        return made
-    law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk))
-    other = _fitted(base, effects, start, law)
-    return min((made, other), key=_chi2_alone)
-
-
-def _beside(
-    best: FittedDisk, known: Sequence[Candidate], one: Candidate, z: float
-) -> tuple[float, dict[str, float]] | None:
-    """Return misfit and parameters of the effects when fitted with a further one, which starts `z` deviations away."""
-    values, _ = best.descent.objective.coordinates.forward(best.descent.x)
-    start = {name: values[name] for other in known for name in other.parameters}
-    start |= {
-        name: float(knob.expected[0] * np.exp(z * knob.expected[1])) if knob.from_nothing else knob.null
-        for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
-    }
-    try:
-        made = _fitted(best, [*known, one], start)
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-        return None
-    values, _ = made.descent.objective.coordinates.forward(made.descent.x)
-    return _chi2_alone(made), {name: values[name] for name in start}
-
-
-def _fitted(
-    best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float], law: LossLaw | None = None
-) -> FittedDisk:
-    """Return the disk fitted with these effects; it may have some of them already."""
-    added = tuple(Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects)
-    blocks = tuple(block for one in effects for block in one.blocks(start))
-    outside = Outside(added, blocks, start, nominal=plate_of(best))
-    return with_effects(_without(best, [one.effect.name for one in effects]), outside, law)
-
-
-def _without(found: FittedDisk, effects: Collection[str]) -> FittedDisk:
-    return replace(found, descent=without_effects(found.descent, effects))
-
-
-def _chi2_alone(found: FittedDisk) -> float:
-    """Return mean |ln(Z_model/Z)|^2 over its expectation from noise."""
-    objective = found.descent.objective
-    ratios = objective.log_ratios(found.descent.x)
-    squares = [
-        np.abs(ratio / one.noise)[np.isfinite(one.noise)] ** 2 / 2
-        for one, ratio in zip(objective.recordings, ratios, strict=True)
-    ]
-    return max(1.0, float(np.mean(np.concatenate(squares))))
-
-
-def _log_odds(gain: float, points: int, one: Candidate) -> float:
-    """Return ln odds of an effect beside the rim, given the gain in ln likelihood with all misfit as noise."""
-    return gain - len(one.parameters) / 2 * float(np.log(2 * points)) + float(np.log(ODDS * one.effect.odds))
 
 
 def _coarseness(short: float) -> float:

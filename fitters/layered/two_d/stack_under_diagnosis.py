@@ -13,7 +13,7 @@ from ...disk.planar_result import PLANAR_UNITS
 from ...disk.two_d.valley_search import thinned
 from ...engine.fitted_model import FittedModel, Seed, without_effects
 from ...engine.objective import Objective
-from ...interface import Constant
+from ...interface import Constant, FitError, TaskError
 from .stack_problem import StackProblem, plate_of
 from .stack_result import constants_of_stack
 from .stepwise import FittedStack, fitted_stack
@@ -21,7 +21,9 @@ from .stepwise import FittedStack, fitted_stack
 _WIRES = {"lead-inductance": ("inductance", "resistance"), "stray-capacitance": ("capacitance",)}
 """Effects at the terminals, with their parameters, that are fitted together with a stack that does not fit alone."""
 _DESCRIBED = 2.0
-"""Misfit over that expected of the noise up to which a stack counts as described without them."""
+"""chi2 of a point up to which a stack counts as described without them."""
+_HOPELESS = 5.0
+"""Misfit of the first step over that expected of its noise from which no further step is fitted without them."""
 _POINTS = 150
 """Points of each sweep in a diagnosis, which fits a hundred hypotheses."""
 
@@ -50,13 +52,21 @@ def diagnosable_stack(problem: StackProblem, progress: Callable[[str], None]) ->
 
     The search for the lateral constants cannot succeed if an effect hides them, so the effects take part in it.
     """
-    alone = fitted_stack(problem, progress)
-    if _described(alone) or problem.build.effects:
-        return _under_diagnosis(alone, ())
+    if problem.build.effects:
+        return _under_diagnosis(fitted_stack(problem, progress), ())
+    alone = None
+    try:
+        alone = fitted_stack(problem, progress, hopeless=_HOPELESS)
+        if _left(alone) < _DESCRIBED:
+            return _under_diagnosis(alone, ())
+    except TaskError:
+        raise
+    except FitError:
+        pass  # the first step needs its wires
     progress("fitting in two dimensions together with its wires")
     build = replace(problem.build, effects=_wires(problem))
     joint = fitted_stack(replace(problem, build=build), progress)
-    if _left(joint) > _left(alone):
+    if alone is not None and _left(joint) > _left(alone):
         return _under_diagnosis(alone, ())
     seed = Seed(frozenset((name, TERMINALS) for name in _WIRES), joint.values)
     bare = replace(joint, problem=problem, descent=without_effects(joint.descent, tuple(_WIRES)))
@@ -90,7 +100,3 @@ def _left(found: FittedStack) -> float:
     ratios = objective.log_ratios(found.descent.x)
     squares = [np.abs(ratio / one.noise) ** 2 / 2 for one, ratio in zip(objective.recordings, ratios, strict=True)]
     return float(np.mean(np.concatenate(squares)))
-
-
-def _described(found: FittedStack) -> bool:
-    return _left(found) < _DESCRIBED

@@ -18,6 +18,7 @@ from ...engine.objective import Objective
 from ...engine.parameters.assembly import effects_of, layers_of, nominal_parameters, renamed
 from ...engine.parameters.known_effects import with_effects
 from ...engine.recording import Prior, Recording
+from ...interface import FitError
 from .stack_problem import StackProblem, nominal, plate_of, stack_coordinates, stack_of, stack_priors, tensor_values
 from .stack_start import drawn_layers, drawn_starts, library_starts, one_dimensional, thinned, usual_tensor
 
@@ -43,14 +44,19 @@ class FittedStack:
     law: LossLaw
 
 
-def fitted_stack(problem: StackProblem, progress: Callable[[str], None]) -> FittedStack:
-    """Return the fit of all steps, which starts from the answer of `mason`. Raises TaskError."""
+def fitted_stack(problem: StackProblem, progress: Callable[[str], None], hopeless: float = math.inf) -> FittedStack:
+    """Return the fit of all steps, which starts from the answer of `mason`. Raises TaskError.
+
+    `hopeless`: misfit over that expected of the noise that the first step must not exceed, else FitError is raised.
+    """
     plate = one_dimensional(problem, progress)
     usual = usual_tensor(problem, plate)
     values = {**nominal(problem, usual), **plate, **tensor_values(problem.disk.name, usual)}
     first, *later = problem.sweeps
     progress(f"fitting {first} in two dimensions")
-    law, values, evaluations = _first(problem, first, values)
+    law, values, evaluations, left = _first(problem, first, values)
+    if left > hopeless:
+        raise FitError(f"in two dimensions {left:.3g} times the noise is left of {first}, more than {hopeless:.3g}")
     for k, step in enumerate(later, 2):
         progress(f"fitting {step} in two dimensions")
         values, more = _further(problem, list(problem.sweeps)[:k], values, law)
@@ -59,8 +65,13 @@ def fitted_stack(problem: StackProblem, progress: Callable[[str], None]) -> Fitt
     return _settled(problem, values, law, evaluations)
 
 
-def _first(problem: StackProblem, step: str, values: Mapping[str, float]) -> tuple[LossLaw, dict[str, float], int]:
-    """Return the loss law that describes the first step better, its parameters there, and the number of evaluations."""
+def _first(
+    problem: StackProblem, step: str, values: Mapping[str, float]
+) -> tuple[LossLaw, dict[str, float], int, float]:
+    """Return the loss law that describes the first step better, the parameters there, evaluations, and what is left.
+
+    The latter is the misfit over that expected of the noise.
+    """
     laws: tuple[LossLaw, ...] = (CausalConstantQ(problem.reference), CONSTANT)
     coordinates, priors = stack_coordinates(problem, [step], values), stack_priors(problem, [step])
     rough = _few(problem, [step], values, laws[0], _ROUGH)
@@ -73,7 +84,9 @@ def _first(problem: StackProblem, step: str, values: Mapping[str, float]) -> tup
     effort = _BARE if problem.build.step(step).layers == (problem.disk.name,) else _STACK
     given = library_starts(problem, values, coordinates)
     x, best, evaluations = searched(rough, exact, coordinates, priors, given, drawn, effort)
-    return laws[best], {**values, **coordinates.forward(x)[0]}, evaluations
+    expected = math.sqrt(sum(float(np.sum(2 * one.noise**2)) for one in exact[best]))
+    left = left_of(exact[best], coordinates, x) / expected
+    return laws[best], {**values, **coordinates.forward(x)[0]}, evaluations, left
 
 
 def _further(
