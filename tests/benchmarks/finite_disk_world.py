@@ -74,6 +74,7 @@ class FiniteDiskCase:
             f"diameter_mm = {1e3 * self.diameter:.6f}\n"
             f'[[layers]]\nname = "disk"\nkind = "piezo"\nmaterial = "{self.material}"\n'
             f"thickness_mm = {{ value = {1e3 * self.thickness:.6f}, u = 0.001 }}\n"
+            f"density_kg_m3 = {{ value = {CERAMICS[self.material][-1]}, u = {0.005 * self.density:.0f} }}\n"
             '[load]\nback = "air"\nfront = "air"\n'
             '[[steps]]\nname = "disk"\nlayers = ["disk"]\n'
         )
