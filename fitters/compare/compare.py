@@ -13,7 +13,7 @@ from ..diagnosis.findings import Remaining
 from .change_findings import findings_of, turned_in_file
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy
 from .device_changes import device_changes
-from .drive_levels import driven
+from .levels.drive_levels import driven
 from .limits import limits, repeatability
 from .misfit import chi2, errors_beside, held_out, held_out_chi2
 from .pair import Pair, pair_of, righted

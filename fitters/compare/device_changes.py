@@ -15,7 +15,7 @@ from scipy.interpolate import make_lsq_spline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from .change import DEVICE, ChangeSize, Values
-from .drive_levels import AmplitudeDependent
+from .levels.drive_levels import AmplitudeDependent
 from .pair import Pair
 from .resonances import Resonances, State, changed, pole_terms, slope_of
 

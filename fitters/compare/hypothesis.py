@@ -13,7 +13,7 @@ from ...models.base.arrays import Complexes, Impedances, Reals
 from .another_device import EveryResonance
 from .change import TERMINALS
 from .device_changes import DeviceChange, NewResonance
-from .drive_levels import AmplitudeDependent
+from .levels.drive_levels import AmplitudeDependent
 from .pair_errors import Linearised, Outcome, PairErrors
 from .resonances import Resonances
 from .two_ports import Turned, TwoPort

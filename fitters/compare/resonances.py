@@ -11,8 +11,8 @@ from scipy.interpolate import make_interp_spline
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ...models.sweep import Sweep
 from ..diagnosis.data_quality.pole_fit import Frame, PoleFit
+from ..diagnosis.data_quality.vector_fitting import frame_for_poles, vector_fitted
 from .pair import Pair, running
-from .vector_fitting import frame_for_poles, vector_fitted
 
 _ERROR = 3e-4
 """Error of ln Z below which more poles are useless."""

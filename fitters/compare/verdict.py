@@ -12,8 +12,8 @@ from .change_findings import fit_without, probability_of
 from .comparison import Verdict
 from .device_changes import Scaled
 from .drift import STRENGTH
-from .drive_levels import AmplitudeDependent
 from .hypothesis import Fitted
+from .levels.drive_levels import AmplitudeDependent
 from .misfit import predicted_without
 from .pair import Pair
 from .pair_errors import INSTRUMENT, PairErrors

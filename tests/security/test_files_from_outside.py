@@ -40,7 +40,7 @@ def test_units_are_read_with_blanks() -> None:
     units = [(column.quantity, column.unit, column.factor) for column in found[:5]]
     assert units == [("f", "MHz", 1e6), ("R", "ohm", 1.0), ("X", "ohm", 1.0), ("|Z|", "ohm", 1.0), units[4]]
     assert units[4][:2] == ("theta", "deg")
-    assert [column.quantity for column in found[5:]] == ["f"]
+    assert [column.quantity for column in found[5:]] == ["f", "G"]
 
 
 def hdf5(change: Callable[[h5py.File], object]) -> bytes:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pzctl.fitters.compare.amplitude_law import bent
+from pzctl.fitters.compare.levels.amplitude_law import bent
 from pzctl.fitters.compare.many import random_effects
 from pzctl.fitters.compare.pair import pair_of
 from pzctl.fitters.compare.resonances import Resonances, changed

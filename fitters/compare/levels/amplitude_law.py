@@ -8,9 +8,9 @@ softens twice as much. The impedance of its branch grows with a power of the amp
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Frequencies, Reals
-from .change import ChangeSize
-from .resonances import Resonances
+from ....models.base.arrays import Complexes, Frequencies, Reals
+from ..change import ChangeSize
+from ..resonances import Resonances
 
 _ROUNDS, _AGREED = 40, 1e-9
 """Of Newton's method for the amplitude of a bent resonance."""

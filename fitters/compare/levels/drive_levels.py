@@ -5,12 +5,12 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models.base.arrays import Frequencies, Impedances, Reals
+from ....models.base.arrays import Frequencies, Impedances, Reals
+from ..change import DEVICE, ChangeSize, Values
+from ..pair import Pair
+from ..resonances import Resonances, State
 from .amplitude_law import SIZES, Law, bent, strongest
-from .change import DEVICE, ChangeSize, Values
 from .level_fit import LevelFit, fitted_to_both, merged
-from .pair import Pair
-from .resonances import Resonances, State
 
 _KNOWN_LEVEL, _SAME_LEVEL, _UNKNOWN_LEVEL = 0.5, 1e-4, 0.02
 """Prior odds of a dependence on amplitude if the files state two levels, one level, or none."""

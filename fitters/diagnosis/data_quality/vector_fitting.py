@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Reals
-from ..diagnosis.data_quality.pole_fit import MOST_POLES, Frame, PoleFit, linear_fit, refined, stacked
+from ....models.base.arrays import Complexes, Reals
+from .pole_fit import MOST_POLES, Frame, PoleFit, linear_fit, refined, stacked
 
 _START, _WIDTH, _BEYOND = 16, 0.01, 1.1
 """Number of starting poles, their half width over their frequency, and how far beyond the band they lie."""

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...models.base.arrays import Complexes, Frequencies, Reals
+from ....models.base.arrays import Complexes, Frequencies, Reals
+from ..pair import Pair
+from ..resonances import Resonances, changed, slope_of
 from .amplitude_law import SIZES, Law, bent, strongest
-from .pair import Pair
-from .resonances import Resonances, changed, slope_of
 
 _MOST, _STRIDE, _NEAR, _GROUND = 8, 4, 4.0, 4
 """Most resonances; one of how many points, and within how many widths of a resonance all of them; polynomials of the

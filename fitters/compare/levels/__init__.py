@@ -1,0 +1,1 @@
+"""Two recordings at different drive levels: resonances that bend with their own amplitude."""
