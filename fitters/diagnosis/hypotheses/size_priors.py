@@ -22,7 +22,7 @@ def block_of(name: str, knob: EffectParameter) -> Block:
     centre, spread = knob.expected
     if knob.from_nothing and not knob.fraction:
         return _log_normal(name, centre, spread, knob.upper)
-    if _anywhere(knob):
+    if np.isfinite(knob.upper) and knob.lower > 0:
         return between(name, knob.lower, knob.upper)
     return _normal(name, centre, spread, (knob.lower, knob.upper))
 
@@ -54,12 +54,7 @@ def _normal(name: str, mean: float, spread: float, limits: tuple[float, float]) 
 
 def width(knob: EffectParameter) -> float:
     """Return the prior standard deviation of a parameter's coordinate."""
-    return _LOGISTIC if _anywhere(knob) else 1.0
-
-
-def _anywhere(knob: EffectParameter) -> bool:
-    """Return whether nothing is known of a positive parameter but its limits."""
-    return not knob.from_nothing and np.isfinite(knob.upper) and knob.lower > 0 and knob.prior is None
+    return _LOGISTIC if not knob.from_nothing and np.isfinite(knob.upper) and knob.lower > 0 else 1.0
 
 
 class SizePriors:
