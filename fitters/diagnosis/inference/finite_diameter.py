@@ -90,10 +90,15 @@ class FiniteDisk:
 
 
 def shows_early(task: FitTask, null: Refit) -> bool:
-    """Return whether the plate leaves as much as a rim would, so that the disk is fitted before anything else."""
+    """Return whether the plate leaves as much as a rim would, so that the disk is fitted before anything else.
+
+    Not where glued steps were recorded too: in a joint fit what is wrong with the glue spreads to the disk's residual.
+    """
     try:
         disk = bare_disk(task, "disk2d", round_one=True, frees=True)
     except FitError:
+        return False
+    if any(recording.step != disk.step for recording in null.objective.recordings):
         return False
     return is_narrow(disk) and _rms(null) > max(_SHOWS, _EARLY * _RIM * ratio_of(disk) ** _FALL)
 
