@@ -29,6 +29,7 @@ from .learning.places import PlacedCorrection, placed_corrections
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
 from .search.score_test import scores
+from .search.screening import screened
 from .validation.bands import excess_of, guilty_bands
 from .validation.cross_sample import carried_over
 from .validation.held_out_misfit import held_out_chi2, unforeseen
@@ -133,11 +134,19 @@ class _FiniteDiameter:
     def before_all_else(self) -> lateral.FiniteDisk | None:
         """Return the disk if a plate leaves so much, and the disk so little, that no plate needs to be looked for."""
         null, wanted = self.null, self.wanted
-        if not lateral.shows_early(self.task, null):
+        if not lateral.shows_early(self.task, null) or self._an_effect_may_do():
             return None
         made = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
         self._tried = (made,)
         return lateral.finite(made, self.task, null, null) if made is not None and made.described else None
+
+    def _an_effect_may_do(self) -> bool:
+        """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's."""
+        search, null = self.search, self.search.begin()
+        others = [one for one in search.candidates if one.effect.name != lateral.NAME]
+        as_noise, *_ = screened(self.problem, null, others, self.wanted.jobs)
+        numbers = 2 * sum(recording.sweep.frequency.size for recording in self.problem.recordings)
+        return bool(as_noise) and 2 * as_noise[0].gain > NAMED * numbers
 
     def beside(self, best: Refit) -> lateral.FiniteDisk | None:
         """Return the disk if it is more probable than the best plate."""
