@@ -5,14 +5,18 @@ part of the mesh, leads and cables as circuits, and losses by three laws. Every 
 """
 
 import json
+import sys
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 import numpy as np
-import scipy.sparse as sp
 from scipy.sparse.linalg import splu
-from skfem import Basis, BilinearForm, ElementTriP4, MeshTri
+from skfem import Basis, ElementTriP4, MeshTri
 
-VOLT = 1e9
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
+
+from disk_skfem import VOLT, forms_of
+
 EPS0 = 8.8541878e-12
 NAMES = ("c11E", "c12E", "c13E", "c33E", "c44E", "e31", "e33", "e15", "eps11S", "eps33S")
 CERAMICS = {
@@ -27,15 +31,6 @@ LAWS = ("causal", "constant", "power")
 EFFECTS = ("lead-inductance", "stray-capacitance", "local-mass", "cable", "series-resistance")
 NOISE = 2e-4
 POINTS = 401
-INTEGRANDS = (
-    lambda u, v, w: u.grad[0] * v.grad[0] * w.x[0] + u * v / w.x[0],
-    lambda u, v, w: u.grad[0] * v + u * v.grad[0],
-    lambda u, v, w: u.grad[0] * v.grad[0] * w.x[0],
-    lambda u, v, w: u.grad[1] * v.grad[1] * w.x[0],
-    lambda u, v, w: u.grad[1] * (v.grad[0] * w.x[0] + v),
-    lambda u, v, w: u.grad[0] * v.grad[1] * w.x[0],
-    lambda u, v, w: u * v * w.x[0],
-)
 
 
 @dataclass(frozen=True)
@@ -155,33 +150,7 @@ class FeDisk:
         self.free = np.concatenate([every[x[0] > tiny], n + every, 2 * n + every[inside]])
         self.driven = 2 * n + every[np.abs(x[1] - t) < tiny]
         self.case, self.n = case, n
-        self.forms = [self._forms(basis) for basis in self.bases]
-
-    def _forms(self, basis):
-        rr, cross, dr, dz, sz, zr, m = (BilinearForm(of).assemble(basis) for of in INTEGRANDS)
-        zero = sp.csr_matrix((self.n, self.n))
-
-        def blocks(entries):
-            rows = [[zero] * 3 for _ in range(3)]
-            for (i, k), block in entries.items():
-                rows[i][k] = block
-                if i != k:
-                    rows[k][i] = block.T
-            return sp.csr_matrix(sp.bmat(rows))
-
-        return [
-            blocks({(0, 0): rr}),
-            blocks({(0, 0): cross}),
-            blocks({(0, 1): sz}),
-            blocks({(1, 1): dz}),
-            blocks({(0, 0): dz, (0, 1): zr, (1, 1): dr}),
-            blocks({(0, 2): sz}),
-            blocks({(1, 2): dz}),
-            blocks({(0, 2): zr, (1, 2): dr}),
-            blocks({(2, 2): -dr}),
-            blocks({(2, 2): -dz}),
-            blocks({(0, 0): m, (1, 1): m}),
-        ]
+        self.forms = [forms_of(basis) for basis in self.bases]
 
     def impedance(self, frequency):
         """Return Z in ohm, shape (N,), without what is outside of the disk."""

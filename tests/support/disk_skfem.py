@@ -23,6 +23,35 @@ INTEGRANDS = (
 VOLT = 1e9  # potential in GV, stiffness and piezoelectric constants then have the same size
 
 
+def forms_of(basis):
+    """Return the matrices of the weak form, 2 pi left out: entries by constant, and the mass; fields u_r, u_z, phi."""
+    rr, cross, dr, dz, sz, zr, m = (BilinearForm(of).assemble(basis) for of in INTEGRANDS)
+
+    zero = sp.csr_matrix(m.shape)
+
+    def blocks(entries):
+        whole = [[zero] * 3 for _ in range(3)]
+        for (i, k), block in entries.items():
+            whole[i][k] = block
+            if i != k:
+                whole[k][i] = block.T
+        return sp.csr_matrix(sp.bmat(whole))
+
+    return (
+        blocks({(0, 0): rr}),
+        blocks({(0, 0): cross}),
+        blocks({(0, 1): sz}),
+        blocks({(1, 1): dz}),
+        blocks({(0, 0): dz, (0, 1): zr, (1, 1): dr}),
+        blocks({(0, 2): sz}),
+        blocks({(1, 2): dz}),
+        blocks({(0, 2): zr, (1, 2): dr}),
+        blocks({(2, 2): -dr}),
+        blocks({(2, 2): -dz}),
+        blocks({(0, 0): m, (1, 1): m}),
+    )
+
+
 class SkfemDisk:
     """Quarter section 0 < r < radius, 0 < z < thickness/2, electrode on top, half a volt on it.
 
@@ -45,31 +74,7 @@ class SkfemDisk:
     @cached_property
     def forms(self):
         """Matrices of the weak form, 2 pi left out: three fields u_r, u_z, phi, entries by constant, and the mass."""
-        rr, cross, dr, dz, sz, zr, m = (BilinearForm(of).assemble(self.basis) for of in INTEGRANDS)
-
-        zero = sp.csr_matrix(m.shape)
-
-        def blocks(entries):
-            whole = [[zero] * 3 for _ in range(3)]
-            for (i, k), block in entries.items():
-                whole[i][k] = block
-                if i != k:
-                    whole[k][i] = block.T
-            return sp.csr_matrix(sp.bmat(whole))
-
-        return (
-            blocks({(0, 0): rr}),
-            blocks({(0, 0): cross}),
-            blocks({(0, 1): sz}),
-            blocks({(1, 1): dz}),
-            blocks({(0, 0): dz, (0, 1): zr, (1, 1): dr}),
-            blocks({(0, 2): sz}),
-            blocks({(1, 2): dz}),
-            blocks({(0, 2): zr, (1, 2): dr}),
-            blocks({(2, 2): -dr}),
-            blocks({(2, 2): -dz}),
-            blocks({(0, 0): m, (1, 1): m}),
-        )
+        return forms_of(self.basis)
 
     def capacitance(self, constants, density, frequency):
         """Return Y/(jw) in F, shape (N,); constants in SI in the usual order, shape (10,) or (N, 10)."""

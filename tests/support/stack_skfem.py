@@ -9,10 +9,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import scipy.sparse as sp
-from disk_skfem import INTEGRANDS, VOLT
+from disk_skfem import VOLT, forms_of
 from scipy.sparse.linalg import splu
-from skfem import Basis, BilinearForm, ElementTriP4, MeshTri
+from skfem import Basis, ElementTriP4, MeshTri
 
 NEAR = (0.3, 0.08)
 """Ends of triangles beside the rim, over the thickness of the ceramic."""
@@ -76,36 +75,8 @@ class SkfemStack:
     @cached_property
     def forms(self):
         """Matrices of the weak form by layer and constant, 2 pi left out, and the mass of each layer."""
-        zero = sp.csr_matrix((self.n, self.n))
-
-        def blocks(entries):
-            whole = [[zero] * 3 for _ in range(3)]
-            for (i, k), block in entries.items():
-                whole[i][k] = block
-                if i != k:
-                    whole[k][i] = block.T
-            return sp.csr_matrix(sp.bmat(whole))
-
-        made = []
-        for within in self.within:
-            basis = Basis(self.mesh, self.element, elements=within, intorder=9)
-            rr, cross, dr, dz, sz, zr, m = (BilinearForm(of).assemble(basis) for of in INTEGRANDS)
-            made.append(
-                [
-                    blocks({(0, 0): rr}),
-                    blocks({(0, 0): cross}),
-                    blocks({(0, 1): sz}),
-                    blocks({(1, 1): dz}),
-                    blocks({(0, 0): dz, (0, 1): zr, (1, 1): dr}),
-                    blocks({(0, 2): sz}),
-                    blocks({(1, 2): dz}),
-                    blocks({(0, 2): zr, (1, 2): dr}),
-                    blocks({(2, 2): -dr}),
-                    blocks({(2, 2): -dz}),
-                    blocks({(0, 0): m, (1, 1): m}),
-                ]
-            )
-        return made
+        bases = (Basis(self.mesh, self.element, elements=within, intorder=9) for within in self.within)
+        return [forms_of(basis) for basis in bases]
 
     @cached_property
     def whole(self):

@@ -43,6 +43,11 @@ class Hypothesis:
         """Logarithm of (marginal likelihood times prior odds)."""
         return self.log_evidence + self.log_odds
 
+    def others(self, candidates: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates that can stand beside its effects: none of an effect at a place where it has it."""
+        taken = {(one.effect.name, one.where) for one in self.effects}
+        return [one for one in candidates if (one.effect.name, one.where) not in taken]
+
     @cached_property
     def values(self) -> dict[str, float]:
         """Every model parameter."""

@@ -64,10 +64,10 @@ def _hopeless(one: Hypothesis, gain: float) -> bool:
 
 def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate], jobs: int) -> list[Hypothesis]:
     """Return the fits of the most promising candidates beside a hypothesis."""
-    taken = {(one.effect.name, one.where) for one in parent.effects}
-    left = [one for one in candidates if (one.effect.name, one.where) not in taken]
-    _, _, promises = screened(problem, parent, left, jobs)
-    if len(parent.effects) == MOST or not promises or _hopeless(parent, promises[0].gain):
+    if len(parent.effects) == MOST:
+        return []
+    _, _, promises = screened(problem, parent, parent.others(candidates), jobs)
+    if not promises or _hopeless(parent, promises[0].gain):
         return []
     most, absorbed = (EXACT_LATER, 0.0) if parent.effects else (EXACT_FIRST, ABSORBED)
     chosen = [one for rank, one in enumerate(promises) if one.survives < absorbed or (rank < most and one.gain > WORTH)]

@@ -147,12 +147,8 @@ class GreedySearch:
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""
-        taken = {(one.effect.name, one.where) for one in parent.effects}
-        return [
-            one
-            for one in self.candidates
-            if (one.effect.name, one.where) not in taken and frozenset((*parent.effects, one)) not in self.found
-        ]
+        left = parent.others(self.candidates)
+        return [one for one in left if frozenset((*parent.effects, one)) not in self.found]
 
     def relocate(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each of its effects moved to the other places where it can occur."""
