@@ -111,7 +111,7 @@ def test_a_failed_backup_is_an_alarm_until_one_succeeds(
     start_daemon: Callable[..., Location], wait_until: Callable[..., None], build: Build, tmp_path: Path
 ) -> None:
     away = tmp_path / "away"
-    start_daemon(backup=BackupPlan(str(away), SOON))
+    start_daemon(backup=BackupPlan(str(away), SOON / 8))
     with connect() as lab:
         wait_until(lambda: lab.metrics().counts.get("state-backup-failed"))
         status = lab.status()

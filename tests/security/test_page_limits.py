@@ -98,11 +98,11 @@ async def _streams() -> None:
 
 @contextmanager
 def served() -> Iterator[tuple[str, int]]:
-    """Serve the page as `pzctl page` does, in a thread."""
+    """Serve the page as `pzctl page` does, in a thread; idle connections are closed after 1 s instead of 5."""
     listener = socket.create_server(("127.0.0.1", 0))
-    config = uvicorn.Config(
-        page_app(parse_build(BUILD)), http=timed_protocol.TimedProtocol, ws="none", log_level="critical"
-    )
+    page = page_app(parse_build(BUILD))
+    timed = timed_protocol.TimedProtocol
+    config = uvicorn.Config(page, http=timed, ws="none", log_level="critical", timeout_keep_alive=1)
     server = uvicorn.Server(config)
     thread = threading.Thread(target=lambda: asyncio.run(server.serve([listener])))
     thread.start()

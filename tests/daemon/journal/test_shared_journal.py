@@ -17,7 +17,7 @@ from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.retention import JournalMaintenance, copy_journal
 from pzctl.daemon.journal.store import JournalAway, JournalError
-from pzctl.daemon.journal.stores import migrations
+from pzctl.daemon.journal.stores import migrations, postgres_store
 from pzctl.daemon.server.launch import start
 from pzctl.daemon.wire.curve_keys import write_secret
 from pzctl.daemon.wire.events import SampleStep, StateEvent
@@ -56,10 +56,17 @@ def url(server: postgres.Server) -> Iterator[str]:
         db.execute("DROP SCHEMA public CASCADE; DROP SCHEMA IF EXISTS pzctl_v4 CASCADE; CREATE SCHEMA public")
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever finds a station taken is told at once, instead of waiting for its daemon to end."""
+    monkeypatch.setattr(postgres_store, "PATIENCE", 0.1)
+
+
 def pzctl(home: Path, url: str, *words: str) -> "subprocess.CompletedProcess[str]":
     return run_here(home, *words, environment={"PZCTL_JOURNAL": url, "PZCTL_STATION": "b"})
 
 
+@pytest.mark.usefixtures("impatient")
 def test_two_benches_one_record(url: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The disk is measured on bench a; bench b measures the next step, knows the first, and fits a's measurement."""
     places, keys = {}, {}
@@ -200,6 +207,7 @@ def test_a_record_that_another_wrote_meanwhile_is_not_gone_on_with(url: str, tmp
         JournalReader(url.replace("/record", "/gone"))
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_folder_moves_to_the_server_and_is_pruned_there(url: str, build: Build, tmp_path: Path) -> None:
     journal = JournalWriter(tmp_path / "journal")
     measurement, _ = journal.begin_measurement("r", build, "disk")

@@ -76,6 +76,7 @@ def serial_line(port):
                 os.write(ours, adapter.recv(4096))
 
     with socket.create_connection(("127.0.0.1", port)) as adapter:
+        adapter.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # else a message after another waits 40 ms
         carrier = threading.Thread(target=carry, args=[adapter])
         carrier.start()
         try:
