@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from .waves import Complexes, Reals
 
@@ -68,6 +67,8 @@ def _drift(f: Reals, z: Complexes, size: float, down: bool) -> Complexes:
 
 def _lag(f: Reals, z: Complexes, size: float, down: bool) -> Complexes:
     """Let a filter of one pole follow the admittance; it settles while the sweep goes on by `size` Hz."""
+    from scipy.signal import lfilter  # imported late: it takes half a second, and few recordings need it
+
     fine = np.interp(np.arange((f.size - 1) * _FINE + 1) / _FINE, np.arange(f.size), f)
     y = 1 / np.asarray(_spline(f, z)(fine), np.complex128)
     y = y[::-1] if down else y

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from .device_under_test import DeviceUnderTest
 from .node_circuit import measured_impedance
@@ -73,6 +72,8 @@ def _drift(hidden: Hidden, sweep: SweepSpec, f: Reals) -> DriftFactors:
 
 def _lagging(device: DeviceUnderTest, hidden: Hidden, sweep: SweepSpec) -> Complexes:
     """Return the sweep of a detector whose output follows the admittance exponentially."""
+    from scipy.signal import lfilter  # imported late: it takes half a second, and few recordings need it
+
     f = sweep.frequency
     n = f.size
     fine = np.interp(np.arange((n - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(n), f)

@@ -132,8 +132,10 @@ def free_port() -> int:
 
 
 @contextmanager
-def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
+def live_page(home: Path, time_scale: float = 0.01, build: Path | None = None) -> Iterator[str]:
     """Give the address of a page of a daemon with a simulated 4294A, on its own data folder.
+
+    Its build is that of the thesis unless another is given.
 
     Automatic diagnoses are off: they would delay the work that a test waits for.
     """
@@ -142,6 +144,7 @@ def live_page(home: Path, time_scale: float = 0.01) -> Iterator[str]:
         patch.setenv("PZCTL_HOME", str(home))
         start(DaemonOptions(fitters=("mason",), simulator={"time_scale": time_scale}, diagnose="asked"))
         command = [Path(sys.executable).with_name("pzctl"), "page", "--port", str(port)]
+        command += [] if build is None else ["--build", build]
         server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert server.stdout is not None
         try:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ..waves import Complexes, Reals
 from .devices.device import STILL, Instant, admittance, strain
@@ -67,6 +66,8 @@ class ErringAnalyzer:
         white = rng.standard_normal((2, z.size))
         if self.colour:
             a = self.colour
+            from scipy.signal import lfilter
+
             white = lfilter([np.sqrt(1 - a**2)], [1, -a], white, axis=1, zi=a * rng.standard_normal((2, 1)))[0]
         return z + (self.noise * np.abs(z) + 5e-6) * (white[0] + 1j * white[1])
 
@@ -103,6 +104,8 @@ def _moment(flaws: Flaws, take: Take, f: Reals) -> Instant:
 
 def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
     """Filter the swept admittance with two equal poles."""
+    from scipy.signal import lfilter  # imported late: it takes half a second, and few recordings need it
+
     f = take.frequency
     fine = np.interp(np.arange((f.size - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(f.size), f)
     y = 1 / _steady(fine, specimen, flaws, take.step, _moment(flaws, take, fine), fixture)

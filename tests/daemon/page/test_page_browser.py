@@ -16,12 +16,21 @@ from pzctl.daemon.client.client import Client, connect
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
-BUILD = THESIS_BUILD
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The build of the thesis with fewer points, unless pictures are wanted."""
+    if "PZCTL_SCREENSHOTS" in os.environ:
+        return THESIS_BUILD
+    text = THESIS_BUILD.read_text(encoding="utf-8")
+    path = tmp_path_factory.mktemp("build") / "build.toml"
+    path.write_text(text.replace("points = 801", "points = 201"), encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with live_page(tmp_path_factory.mktemp("page")) as address:
+def page(tmp_path_factory: pytest.TempPathFactory, build: Path) -> Iterator[str]:
+    with live_page(tmp_path_factory.mktemp("page"), build=build) as address:
         yield address
 
 
@@ -97,9 +106,9 @@ def test_from_the_button_to_the_constants(fresh: str, browser: Browser, pictures
 
 @needs_chromium
 def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
-    page: str, lab: Client, browser: Browser, pictures: Path
+    page: str, build: Path, lab: Client, browser: Browser, pictures: Path
 ) -> None:
-    lab.wait_fit("mason", lab.measure(read_build(BUILD), "disk").id)
+    lab.wait_fit("mason", lab.measure(read_build(build), "disk").id)
     browser.open(page)
     browser.wait("document.getElementById('constants').tBodies[0].rows.length >= 5")
     browser.run("document.getElementById('hand-open').click()")
@@ -175,7 +184,7 @@ def test_a_bare_disk_is_fitted_by_hand_with_the_model_of_both_modes(
 ) -> None:
     lab.bench({"command": "effects", "radial": True})
     plan = SweepPlan((Segment(80e3, 600e3, 401), Segment(2e6, 9e6, 401)))
-    lab.wait_fit("mason", lab.measure(replace(read_build(BUILD), name="round", plan=plan), "disk").id)
+    lab.wait_fit("mason", lab.measure(replace(read_build(THESIS_BUILD), name="round", plan=plan), "disk").id)
     lab.bench({"command": "effects", "radial": False})
     browser.open(page)
     press(browser, "#samples", "round · disk")
@@ -227,11 +236,11 @@ def test_stop_and_refusals_of_the_daemon(page: str, lab: Client, browser: Browse
 
 @needs_chromium
 def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
-    page: str, lab: Client, browser: Browser, pictures: Path
+    page: str, build: Path, lab: Client, browser: Browser, pictures: Path
 ) -> None:
     for name, seed in (("older", 7), ("newer", 8)):
         lab.bench({"command": "new-sample", "seed": seed})
-        lab.wait_fit("mason", lab.measure(replace(read_build(BUILD), name=name), "disk").id)
+        lab.wait_fit("mason", lab.measure(replace(read_build(build), name=name), "disk").id)
     browser.open(page)
     choose = "[...document.querySelectorAll('#samples button')].find((b) => b.textContent.startsWith('{} · disk'))"
     browser.wait(f"{choose.format('newer')} !== undefined")

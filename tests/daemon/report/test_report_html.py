@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 
-import pypdf
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -123,6 +122,8 @@ def test_as_pdf_it_says_the_same(reported: Path) -> None:
         assert run("report", "thesis", "--out", target).exit_code == 0
         refused = run("report", "thesis", "--out", reported / "report.doc")
     assert (refused.exit_code, "allowed are .html, .pdf" in str(refused.exception)) == (1, True)
+    import pypdf  # imported late: it takes half a second, in each process of a test run
+
     pages = [page.get_contents() for page in pypdf.PdfReader(target).pages]
     assert len(pages) >= 4
     strokes = [page.get_data().count(b" l ") for page in pages if page is not None]

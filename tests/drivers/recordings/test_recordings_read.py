@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import skrf
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -244,6 +243,8 @@ def test_touchstone_is_read_as_scikit_rf_reads_it(tmp_path: Path, kind: str, for
     file = tmp_path / f"a.{kind.lower()}1p"
     r = 1 if kind == "Y" else 75  # scikit-rf 2.2 multiplies y by R where the definition, y = Y R, divides
     file.write_text(f"! by another program: 5\n# kHz {kind} {form} R {r}\n1000\t.3\t-20 ! inline\n2000\t.4\t30\n")
+    import skrf  # imported late: it takes half a second, in each process of a test run
+
     network = skrf.Network(str(file))
     sweep = read_recording(file)
     np.testing.assert_allclose(sweep.frequency, network.f)

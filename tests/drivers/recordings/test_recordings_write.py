@@ -9,7 +9,6 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import skrf
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.io import netcdf_file
@@ -93,6 +92,8 @@ def test_a_large_file_too(tmp_path: Path) -> None:
 def test_scikit_rf_reads_our_touchstone(tmp_path: Path) -> None:
     sweep, file = a_sweep(), tmp_path / "a.s1p"
     write_touchstone(sweep, file)
+    import skrf  # imported late: it takes half a second, in each process of a test run
+
     network = skrf.Network(str(file))
     np.testing.assert_allclose(network.f, sweep.frequency, rtol=1e-14)
     np.testing.assert_allclose(network.z[:, 0, 0], sweep.impedance, rtol=1e-12)

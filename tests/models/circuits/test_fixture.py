@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-import skrf
 from fixture_path import Fixture, open_short_correction, open_short_load_correction
 from hypothesis import given
 from hypothesis import strategies as st
@@ -35,6 +34,8 @@ def test_lead_and_stray_are_the_textbook_circuit():
 
 
 def test_the_cable_equals_a_line_of_scikit_rf():
+    import skrf  # imported late: it takes half a second, in each process of a test run
+
     medium = skrf.media.DefinedGammaZ0(
         skrf.Frequency.from_f(F, unit="hz"), z0=75.0, gamma=2j * np.pi * F / 2e8 + 1e-3 * (1 + 1j) * np.sqrt(F / 1e6)
     )

@@ -3,10 +3,8 @@
 import mpmath as mp
 import numpy as np
 import pytest
-import skrf
 from hypothesis import given
 from hypothesis import strategies as st
-from skrf.media import DefinedGammaZ0
 
 from pzctl.models.stack import (
     AIR,
@@ -82,6 +80,9 @@ def test_passive_layers_equal_a_cascade_of_lines_in_scikit_rf() -> None:
         Elastic("b", 1.4e-4, 1e7, 2455.0, 60.0),
         Elastic("c", 1e-3, 3e6, 2000, 9),
     ]
+    import skrf  # imported late: it takes half a second, in each process of a test run
+    from skrf.media import DefinedGammaZ0
+
     frequency = skrf.Frequency.from_f(F, unit="Hz")
     chain = None
     for layer in layers:

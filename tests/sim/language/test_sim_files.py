@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import skrf
 
 
 def read(wire, name):
@@ -53,6 +52,8 @@ def test_touchstone_is_read_by_scikit_rf(swept, tmp_path):
     swept.say('SAVDS1P "three"')
     path = tmp_path / "three.s1p"
     path.write_bytes(read(swept, "three.S1P"))
+    import skrf  # imported late: it takes half a second, in each process of a test run
+
     network = skrf.Network(str(path))
     np.testing.assert_allclose(network.z[:, 0, 0], swept.impedance(), rtol=1e-5)
 

@@ -7,7 +7,6 @@ import struct
 import numpy as np
 import pytest
 import pyvisa
-from pymeasure.instruments.agilent import Agilent4294A
 
 
 @pytest.fixture
@@ -19,6 +18,10 @@ def visa():
 
 def test_pymeasure_drives_it(lab_with, tmp_path):
     lab = lab_with(time_scale=0.002)
+    from pymeasure.instruments.agilent import (
+        Agilent4294A,
+    )  # imported late: it takes half a second, in each process of a test run
+
     analyzer = Agilent4294A(lab.sim.resource, visa_library="@py")
     try:
         analyzer.reset()
