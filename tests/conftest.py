@@ -21,11 +21,13 @@ from typing import Any
 
 import pytest
 from fork_server import ForkServer, forking, new_interpreters
+from running_order import in_shares
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-SUPPORT = ROOT / "tests" / "support"
+TESTS = ROOT / "tests"
+SUPPORT = TESTS / "support"
 
 STARTS_PROCESSES = frozenset({"start_daemon", "start_program", "on_cores", "cluster", "odd_fitter"})
 """Fixtures that start processes."""
@@ -40,11 +42,12 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the guides first, which take longest; mark tests that start processes as `system`.
+    """Run the longest tests first, in each process of a parallel run; mark tests that start processes as `system`.
 
     Such a test uses a fixture that starts one, or its module imports such a name.
     """
-    items.sort(key=lambda item: not item.path.name.startswith("test_docs"))
+    shares = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    items[:] = in_shares(items, shares, lambda item: item.path.relative_to(TESTS).with_suffix("").as_posix())
     for item in items:
         imported = vars(item.module) if isinstance(item, pytest.Function) else {}
         fixtures = getattr(item, "fixturenames", ())

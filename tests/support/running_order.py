@@ -1,0 +1,65 @@
+"""The order in which tests run: those that take longest begin first, in every process of a parallel run.
+
+`pytest -n 4 --dist worksteal` gives each of its processes a contiguous share of the tests. A process that has ended its
+own share takes over the end of another's. So if each share begins with its longest tests, only short ones are left at
+the end, and all processes end at nearly the same time.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+_Item = TypeVar("_Item")
+
+LONGEST = (
+    "test_docs",
+    "fitters/compare/test_compare",
+    "fitters/diagnosis/test_diagnosis",
+    "daemon/page/test_page_browser",
+    "fitters/compare/test_real_components",
+    "test_docs_examples",
+    "daemon/cli/test_measure_diagnose",
+    "fitters/compare/test_with_build",
+    "fitters/layered/test_several_piezos",
+    "daemon/server/test_process_ends",
+    "fitters/diagnosis/test_design",
+    "daemon/cli/test_compare",
+    "fitters/population/test_joint_diagnosis",
+    "system/walks/test_walks",
+    "fitters/compare/test_levels",
+    "drivers/agilent4294a/test_4294a_faults",
+    "models/disk2d/test_disk2d",
+    "fitters/diagnosis/test_learning",
+    "fitters/diagnosis/test_other_models",
+    "fitters/layered/test_stack2d_fitter",
+    "daemon/report/test_report_html",
+    "daemon/cli/test_story",
+    "daemon/journal/test_shared_journal",
+    "daemon/cli/test_samples",
+    "models/disk2d/test_disk2d_built",
+    "daemon/server/test_job_runner",
+    "daemon/client/test_examples",
+    "daemon/cli/test_prove",
+    "sim/blind_cases/test_lab_world",
+    "fitters/disk/test_disk2d_fitter",
+)
+"""Modules whose tests take five seconds or more, longest first."""
+
+
+def in_shares(items: Sequence[_Item], shares: int, module_of: Callable[[_Item], str]) -> list[_Item]:
+    """Return the items so that each of so many equal shares, one after the other, begins with its longest.
+
+    The items of one of the longest modules stay together, because they often share fixtures; the modules are dealt out.
+    """
+    by_module: dict[str, list[_Item]] = {name: [] for name in LONGEST}
+    others: list[_Item] = []
+    for item in items:
+        by_module.get(module_of(item), others).append(item)
+    longest = [by_module[name] for name in LONGEST if by_module[name]]
+    ordered: list[_Item] = []
+    for share in range(shares):
+        own = [item for module in longest[share::shares] for item in module]
+        size = (len(items) - len(ordered)) // (shares - share)
+        filled = max(0, size - len(own))
+        ordered += own + others[:filled]
+        others = others[filled:]
+    return ordered + others
