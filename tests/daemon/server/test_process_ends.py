@@ -29,7 +29,7 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 from pzctl.sim.server import SimOptions
 from pzctl.sim.server import running as simulator
 
-pytestmark = pytest.mark.usefixtures("as_for_users")
+as_for_users = pytest.mark.usefixtures("as_for_users")
 ECHO = "guest_examples:Echo"
 
 
@@ -86,6 +86,7 @@ def test_kill_9_loses_nothing_that_was_announced(start_daemon, build: Build, end
         assert lab.measure(build, "disk").sweeps
 
 
+@as_for_users
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
 def test_asked_to_end_it_leaves_the_instrument_as_it_should_be(
     start_daemon, build: Build, end, how, tmp_path, wait_until
@@ -121,6 +122,7 @@ def ask_instrument(port: int, query: str) -> str:
         return lines.readline().decode().strip()
 
 
+@as_for_users
 def test_cancel_ends_the_running_measurement_and_the_next_one_begins(start_daemon, build: Build) -> None:
     start_daemon(time_scale=1.0)
     with connect() as lab, connect() as other:
@@ -140,6 +142,7 @@ def test_cancel_ends_the_running_measurement_and_the_next_one_begins(start_daemo
             lab.cancel("nonsense")
 
 
+@as_for_users
 def test_ctrl_c_of_who_waits_cancels_the_measurement(start_daemon, build: Build) -> None:
     start_daemon(time_scale=1.0)
 
@@ -154,6 +157,7 @@ def test_ctrl_c_of_who_waits_cancels_the_measurement(start_daemon, build: Build)
             pass
 
 
+@as_for_users
 def test_a_disk_that_fails_ends_the_daemon_before_it_says_what_it_has_not_kept(
     start_daemon, build: Build, wait_until, tmp_path: Path
 ) -> None:
@@ -172,6 +176,7 @@ def test_a_disk_that_fails_ends_the_daemon_before_it_says_what_it_has_not_kept(
     archive.close()
 
 
+@as_for_users
 def test_a_killed_fitter_is_restarted_and_answers(start_daemon, build: Build, wait_until) -> None:
     where = start_daemon("Echo")
     with connect() as lab:
@@ -182,6 +187,7 @@ def test_a_killed_fitter_is_restarted_and_answers(start_daemon, build: Build, wa
         assert lab.wait_fit(ECHO, measurement.id).steps == ("disk",)
 
 
+@as_for_users
 def test_a_killed_daemon_ends_its_child_processes(start_daemon, end, wait_until) -> None:
     where = start_daemon("Echo")
     with connect() as lab:
@@ -192,6 +198,7 @@ def test_a_killed_daemon_ends_its_child_processes(start_daemon, end, wait_until)
     wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in family))
 
 
+@as_for_users
 def test_a_simulator_that_dies_fails_the_measurement_only(start_daemon, build: Build) -> None:
     where = start_daemon()
     (sim,) = children(where.pid)
@@ -202,6 +209,7 @@ def test_a_simulator_that_dies_fails_the_measurement_only(start_daemon, build: B
         assert lab.status().measuring is None
 
 
+@as_for_users
 def test_one_daemon_right_after_another(start_daemon, build: Build) -> None:
     runs: list[str] = []
     for _ in range(3):
@@ -212,6 +220,7 @@ def test_one_daemon_right_after_another(start_daemon, build: Build) -> None:
     assert len(set(runs)) == 3
 
 
+@as_for_users
 def test_one_daemon_for_one_data_folder(start_daemon, end, tmp_path: Path) -> None:
     where = start_daemon()
     assert start() == where == running()
