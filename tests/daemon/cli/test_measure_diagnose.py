@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,21 +21,20 @@ from pzctl.daemon.wire.events import DiagnosisEvent, SweepEvent
 from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"
+RESOURCE = "--resource 127.0.0.1:5835"
 PZCTL = Path(sys.executable).with_name("pzctl")
-BUILD = """
-name = "S1"
-diameter_mm = 16.0
-layers = [{ name = "disk", kind = "piezo", material = "Pz27", thickness_mm = { value = 0.512, u = 0.001 } }]
-load = { back = "air", front = "air" }
-steps = [{ name = "disk", layers = ["disk"] }]
-sweep = { segments = [{ start_MHz = 3, stop_MHz = 5, points = 81 }], oscillator_V = 0.5, bandwidth = 5 }
-"""
+GUIDE = (Path(__file__).parents[3] / "docs" / "when-the-fit-is-wrong.md").read_text(encoding="utf-8")
+BUILD = re.search(r"<!-- file: S1.toml -->\n```toml\n(.*?)```", GUIDE, re.DOTALL)[1]  # type: ignore[index]
+BLOCKS = re.findall(rf"<!-- tested: \S+{Path(__file__).name} -->\n```bash\n(.*?)```", GUIDE, re.DOTALL)
 
 
-def measured(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
+def measured(home: Path) -> "subprocess.CompletedProcess[str]":
     """Measure and diagnose a bare disk through the command line."""
     (home / "S1.toml").write_text(BUILD)
-    words = ("measure", "--build", "S1.toml", "--diagnose", "--json", *words)
+    return run(home, "measure", "--build", "S1.toml", "--diagnose", "--json")
+
+
+def run(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     environment = {**os.environ, "PZCTL_HOME": str(home), "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": ""}
     done = subprocess.run(
         [PZCTL, *words],
@@ -46,6 +46,7 @@ def measured(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
         stdin=subprocess.DEVNULL,
     )
     assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
     return done
 
 
@@ -55,8 +56,15 @@ def the_diagnosis(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
 
 
 def test_a_wider_sweep_decides_what_one_sweep_leaves_open(start_daemon, tmp_path: Path) -> None:
-    start_daemon(simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
-    found = the_diagnosis(measured(tmp_path, "--yes"))
+    """As in the guide, command by command; only the simulator is that of the daemon."""
+    start_daemon(names=("mason",), simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
+    (tmp_path / "S1.toml").write_text(BUILD)
+    sim, *commands = re.findall("^pzctl (.*)$", "".join(BLOCKS), re.MULTILINE)
+    assert sim.endswith("--jig ideal --hidden stray-capacitance=5e-12 &")
+    (measure,) = (command for command in commands if command.startswith("measure"))
+    outputs = {command: run(tmp_path, *command.replace(RESOURCE, "--json").split()) for command in commands}
+    assert {"S1.html", "S1-disk-1.csv", "S1-diagnosis.png"} <= {path.name for path in tmp_path.iterdir()}
+    found = the_diagnosis(outputs[measure])
     (finding,) = found["findings"]
     assert (found["verdict"], finding["effect"]) == ("explained", "stray-capacitance")
     assert any("wider" in one["kind"] for one in found["decided_by"])
