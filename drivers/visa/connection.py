@@ -7,6 +7,7 @@ occurs inside blocks).
 """
 
 import contextlib
+import select
 import time
 from collections.abc import Callable, Generator
 from typing import Any
@@ -205,9 +206,11 @@ class Connection:
             raise InstrumentError(f"{self.name}: {late}; is it on and set up?")
         if self._socket is not None:  # on other interfaces a slice that ends within an answer would lose bytes
             seconds = min(SLICE_SECONDS, seconds)
+        # A pyvisa-py session reads what is there already; it waits here, because it would spin at a closed connection.
+        direct = self._socket if self._bridge is None else None
         for resource in (self._resource, self._bridge):
             if resource is not None:
-                resource.timeout = max(1, round(1000 * seconds))
+                resource.timeout = 1 if direct is not None else max(1, round(1000 * seconds))
         lost = f"{self.name}: while awaiting the answer to {_short(message)}"
         try:
             library, session = self._resource.visalib, self._resource.session
@@ -218,6 +221,8 @@ class Connection:
                 raise ConnectionLost(f"{lost}: {_plain(error)}") from None
             if hung_up(self._socket):
                 raise ConnectionLost(f"{lost}: the connection was lost") from None
+            if direct is not None:
+                select.select([direct], [], [], seconds)
         except OSError as error:
             raise ConnectionLost(f"{lost}: {_plain(error)}") from None
 

@@ -1,10 +1,13 @@
 """The bytes between driver and 4294A compared with the manual; the peer only stores settings and messages."""
 
+import time
+
 import numpy as np
 import pytest
 
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.base.analyzer import Cancelled, InstrumentError
+from pzctl.drivers.visa import connection
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
 PLAN = SweepPlan((Segment(1e6, 1.5e6, 3),), oscillator_V=0.25, bandwidth=3)
@@ -197,14 +200,17 @@ class TestWrongDataNeverGetThrough:
     def test_power_lost_during_the_sweep(self, play):
         self.refused(play(READINGS | {"*ESR?": [b"0\n", b"128\n"]}), "switched off and on")
 
-    def test_a_connection_lost_at_any_exchange(self, play):
+    def test_a_connection_lost_at_any_exchange_is_noticed_at_once(self, play, monkeypatch):
+        monkeypatch.setattr(connection, "SLICE_SECONDS", 60.0)
+        begun = time.monotonic()
         for message in ("CONT?", "POIN 3", "SING", "*STB?", "*OPC?", "OUTPDATA?"):
             peer = play(READINGS)
             peer.hang_up_on = message
             with pytest.raises(InstrumentError, match=r"lost|failed|reset"):
-                measure(peer)
+                measure(peer, timeout_seconds=60.0)
             assert peer.connections == 2
             assert peer.log.count("HOLD;DCO OFF;DCO?") == 1
+        assert time.monotonic() - begun < 60, "it does not wait for an answer that cannot come"
 
 
 def test_a_cancelled_sweep_ends_in_hold_with_the_bias_off_and_settings_restored(play):
