@@ -126,7 +126,7 @@ def _in_si(page: TextFile, column: ColumnMeaning, numbers: Reals, line: int) -> 
 def _plain(name: str) -> str:
     """Return a name in small letters without blanks and accents."""
     letters = unicodedata.normalize("NFKD", name.replace(" ", "").casefold())
-    return "".join(letter for letter in letters if not unicodedata.combining(letter))
+    return letters if letters.isascii() else "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def _factor(quantity: str, unit: str | None) -> float | None:
