@@ -9,12 +9,12 @@ from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.fitters.interface import FitTask
 from pzctl.models.sweep import Sweep
 from pzctl.sim.blind_cases.lab.devices.random_specimen import random_specimen
-from pzctl.sim.blind_cases.lab.devices.specimen import Specimen
+from pzctl.sim.blind_cases.lab.devices.specimen import LabDevice
 from pzctl.sim.blind_cases.lab.draw import LabSession
 from pzctl.sim.blind_cases.lab.files import build_text, measured
 from pzctl.sim.blind_cases.lab.planting.imperfections import imperfections
-from pzctl.sim.blind_cases.lab.planting.plant import Hideout, LabWorld
-from pzctl.sim.blind_cases.lab.recording import Take
+from pzctl.sim.blind_cases.lab.planting.plant import LabScenario, LabWorld
+from pzctl.sim.blind_cases.lab.recording import LabSweep
 from pzctl.sim.blind_cases.lab.session import analyzer_of
 
 BAND = 3.2e6, 4.8e6
@@ -29,15 +29,15 @@ def laboratory(seed: int, count: int, inductance: float, own: float = 0.0) -> Ma
     """
     rng = np.random.default_rng([seed, 77])
     specimens = [_disk(rng, f"S{k + 1}") for k in range(count)]
-    take = Take("disk", FREQUENCY)
-    analyzer = analyzer_of(rng, [take], specimens[0])
+    sweep = LabSweep("disk", FREQUENCY)
+    analyzer = analyzer_of(rng, [sweep], specimens[0])
     tasks: dict[str, FitTask] = {}
     for specimen in specimens:
         world = LabWorld(specimen, fixture=analyzer.fixture)
-        hideout = Hideout(world, imperfections(rng, specimen))
-        case = LabSession(specimen.name, "imperfect", hideout, (take,), analyzer, (), 0)
+        scenario = LabScenario(world, imperfections(rng, specimen))
+        case = LabSession(specimen.name, "imperfect", scenario, (sweep,), analyzer, (), 0)
         size = max(0.0, inductance * (1 + own * float(rng.standard_normal())))
-        z = measured(case, take, rng) + 2j * np.pi * FREQUENCY * size
+        z = measured(case, sweep, rng) + 2j * np.pi * FREQUENCY * size
         build = parse_build(build_text(case), specimen.name)
         tasks[specimen.name] = FitTask(build, {"disk": (Sweep(FREQUENCY, z, {"oscillator_V": 0.5}),)})
     return tasks
@@ -48,10 +48,10 @@ def true_inductance(seed: int, inductance: float) -> float:
     rng = np.random.default_rng([seed, 77])
     count = 12
     specimens = [_disk(rng, f"S{k + 1}") for k in range(count)]
-    return inductance + analyzer_of(rng, [Take("disk", FREQUENCY)], specimens[0]).fixture.inductance
+    return inductance + analyzer_of(rng, [LabSweep("disk", FREQUENCY)], specimens[0]).fixture.inductance
 
 
-def _disk(rng: np.random.Generator, name: str) -> Specimen:
+def _disk(rng: np.random.Generator, name: str) -> LabDevice:
     """Return a bare disk whose resonance lies in the band."""
     while True:
         one = random_specimen(rng, name, 1, backed=False, ceramic_only=True)

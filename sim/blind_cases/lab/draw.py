@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from .devices.random_specimen import random_specimen
-from .devices.specimen import AIR, Specimen
+from .devices.specimen import AIR, LabDevice
 from .distributions import Random, loguniform
 from .planting import families, layered
 from .planting.alike import with_other_names
 from .planting.imperfections import imperfections
-from .planting.plant import Hideout, LabWorld, Plant
+from .planting.plant import LabScenario, LabWorld, Plant
 from .planting.visible import Seen, View
-from .recording import ErringAnalyzer, Take
+from .recording import ErringAnalyzer, LabSweep
 from .session import analyzer_of, plan
 
 KINDS = {
@@ -56,24 +56,24 @@ class LabSession:
 
     name: str
     kind: str
-    hideout: Hideout
-    takes: tuple[Take, ...]
+    scenario: LabScenario
+    sweeps: tuple[LabSweep, ...]
     analyzer: ErringAnalyzer
     seen: tuple[Seen, ...]
-    """Visibility of each plant of the hideout."""
+    """Visibility of each plant of the scenario."""
     seed: int
 
     @property
     def floor(self) -> float:
         """Largest change of ln Z by an imperfection."""
-        return _floor(self.hideout, self.seen)
+        return _floor(self.scenario, self.seen)
 
     def role(self, index: int) -> str:
         """Return `dominating`, `findable`, `faint`, or `imperfection` and `faint imperfection`.
 
         An imperfection that changes ln Z by more than `NO_LONGER_MINOR` counts as an effect.
         """
-        plant, one = self.hideout.plants[index], self.seen[index]
+        plant, one = self.scenario.plants[index], self.seen[index]
         if _is_minor(plant, one):
             return "imperfection" if one.gain > FINDABLE_GAIN else "faint imperfection"
         if one.gain < FINDABLE_GAIN or one.moves < FINDABLE_OVER * self.floor:
@@ -84,7 +84,7 @@ class LabSession:
     def _largest(self, index: int) -> bool:
         return all(
             self.seen[index].moves >= other.moves
-            for plant, other in zip(self.hideout.plants, self.seen, strict=True)
+            for plant, other in zip(self.scenario.plants, self.seen, strict=True)
             if not _is_minor(plant, other)
         )
 
@@ -93,8 +93,8 @@ def _is_minor(plant: Plant, one: Seen) -> bool:
     return plant.minor and one.moves < NO_LONGER_MINOR
 
 
-def _floor(hideout: Hideout, seen: Sequence[Seen]) -> float:
-    return max((s.moves for p, s in zip(hideout.plants, seen, strict=True) if _is_minor(p, s)), default=0.0)
+def _floor(scenario: LabScenario, seen: Sequence[Seen]) -> float:
+    return max((s.moves for p, s in zip(scenario.plants, seen, strict=True) if _is_minor(p, s)), default=0.0)
 
 
 def draw_case(seed: int, index: int) -> LabSession:
@@ -111,35 +111,35 @@ def draw_case(seed: int, index: int) -> LabSession:
 
 def _draw(rng: Random, kind: str, name: str) -> LabSession:
     plants, specimen = _drawn(rng, kind, name)
-    takes = plan(rng, specimen, plants)
-    analyzer = analyzer_of(rng, takes, specimen)
+    sweeps = plan(rng, specimen, plants)
+    analyzer = analyzer_of(rng, sweeps, specimen)
     minor = () if kind == "instrument" else imperfections(rng, specimen)
-    hideout = Hideout(LabWorld(specimen, fixture=analyzer.fixture), (*plants, *minor))
-    view = View(hideout, takes, analyzer)
-    visible = [view.seen(k) for k in range(len(hideout.plants))]
-    floor = _floor(hideout, visible)
+    scenario = LabScenario(LabWorld(specimen, fixture=analyzer.fixture), (*plants, *minor))
+    view = View(scenario, sweeps, analyzer)
+    visible = [view.seen(k) for k in range(len(scenario.plants))]
+    floor = _floor(scenario, visible)
     for k in range(len(plants)):
-        view = _grown(rng, view, k, takes, analyzer, floor)
-    if view.hideout is not hideout:
-        visible = [view.seen(k) for k in range(len(hideout.plants))]
-    hideout = with_other_names(view.hideout, view, analyzer.noise, _floor(view.hideout, visible), FINDABLE_GAIN)
-    return LabSession(name, kind, hideout, takes, analyzer, tuple(visible), int(rng.integers(2**31)))
+        view = _grown(rng, view, k, sweeps, analyzer, floor)
+    if view.scenario is not scenario:
+        visible = [view.seen(k) for k in range(len(scenario.plants))]
+    scenario = with_other_names(view.scenario, view, analyzer.noise, _floor(view.scenario, visible), FINDABLE_GAIN)
+    return LabSession(name, kind, scenario, sweeps, analyzer, tuple(visible), int(rng.integers(2**31)))
 
 
-def _grown(rng: Random, view: View, k: int, takes: Sequence[Take], analyzer: ErringAnalyzer, floor: float) -> View:
+def _grown(rng: Random, view: View, k: int, sweeps: Sequence[LabSweep], analyzer: ErringAnalyzer, floor: float) -> View:
     """Return the view of a world in which plant k is large enough to be found, where physics allows it."""
     wanted = max(floor, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
     for _ in range(3):
-        plant = view.hideout.plants[k]
+        plant = view.scenario.plants[k]
         moves = wanted if plant.least >= plant.most else view.seen(k).moves
         larger = plant.at(plant.scale * min(wanted / max(moves, 1e-9), 20.0))
         if moves > 0.7 * wanted or larger.scale == plant.scale:
             break
-        view = View(view.hideout.scaled(k, larger.scale), takes, analyzer)
+        view = View(view.scenario.scaled(k, larger.scale), sweeps, analyzer)
     return view
 
 
-def _drawn(rng: Random, kind: str, name: str) -> tuple[tuple[Plant, ...], Specimen]:
+def _drawn(rng: Random, kind: str, name: str) -> tuple[tuple[Plant, ...], LabDevice]:
     """Return effects and a specimen that has the places for them."""
     count = {"one": 1, "two": 2, "three": 3, "four": 4, "outside": 1}.get(kind, 0)
     weights = np.array([weight for weight, _ in FAMILIES])
@@ -156,13 +156,13 @@ def _drawn(rng: Random, kind: str, name: str) -> tuple[tuple[Plant, ...], Specim
     return _drawn(rng, kind, name)  # two of them exclude each other: draw others
 
 
-def _placed(rng: Random, chosen: Sequence[object], specimen: Specimen) -> tuple[Plant, ...] | None:
+def _placed(rng: Random, chosen: Sequence[object], specimen: LabDevice) -> tuple[Plant, ...] | None:
     """Return the plants, or None if the specimen has no place for one of them or two exclude each other."""
     plants: list[Plant] = []
     for _, family in FAMILIES:
         if family not in chosen:
             continue
-        if family in (layered.bond, layered.void, layered.ageing) and not specimen.coats:
+        if family in (layered.bond, layered.void, layered.ageing) and not specimen.layers:
             return None
         plants.append(family(rng, specimen))
     needs = {plant.needs for plant in plants}

@@ -7,7 +7,7 @@ import numpy as np
 from ..waves import Complexes, Reals
 from .devices.device import STILL, Instant, admittance, strain
 from .devices.flaws import FixtureResidue, Flaws
-from .devices.specimen import Specimen
+from .devices.specimen import LabDevice
 from .devices.terminals import at_analyzer
 
 _BETWEEN = 8
@@ -18,7 +18,7 @@ _STRAIN = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class LabSweep:
     """One sweep: the step, the frequencies and the settings."""
 
     step: str
@@ -72,71 +72,71 @@ class ErringAnalyzer:
         return z + (self.noise * np.abs(z) + 5e-6) * (white[0] + 1j * white[1])
 
 
-def shown(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
+def shown(specimen: LabDevice, flaws: Flaws, sweep: LabSweep, fixture: FixtureResidue) -> Complexes:
     """Return the reading of an ideal analyzer without noise; ohm, shape (N,), by rising frequency."""
     if flaws.settling > 0:
-        z = _lagging(specimen, flaws, take, fixture)
+        z = _lagging(specimen, flaws, sweep, fixture)
     elif flaws.softening is not None:
-        z = _driven(specimen, flaws, flaws.softening, take, fixture)
+        z = _driven(specimen, flaws, flaws.softening, sweep, fixture)
     else:
-        z = _steady(take.frequency, specimen, flaws, take.step, _moment(flaws, take, take.frequency), fixture)
+        z = _steady(sweep.frequency, specimen, flaws, sweep.step, _moment(flaws, sweep, sweep.frequency), fixture)
     z = {"as it is": z, "conjugated": np.conj(z), "inverted": -z}[flaws.recorded]
-    return z if flaws.recording is None else _faulty(z, take, *flaws.recording)
+    return z if flaws.recording is None else _faulty(z, sweep, *flaws.recording)
 
 
 def _steady(
-    f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant, fixture: FixtureResidue
+    f: Reals, specimen: LabDevice, flaws: Flaws, step: str, moment: Instant, fixture: FixtureResidue
 ) -> Complexes:
     Y = admittance(f, specimen, flaws, step, moment)
     return at_analyzer(f, Y, flaws.wiring, fixture, specimen.ceramic.f0)
 
 
-def _moment(flaws: Flaws, take: Take, f: Reals) -> Instant:
+def _moment(flaws: Flaws, sweep: LabSweep, f: Reals) -> Instant:
     """Return the device's drift at each point; points are evenly spaced in time."""
     if flaws.drift is None:
         return STILL
-    part = np.interp(f, take.frequency, np.linspace(0, 1, take.frequency.size))
-    t = take.order + ((1 - part) if take.down else part)
+    part = np.interp(f, sweep.frequency, np.linspace(0, 1, sweep.frequency.size))
+    t = sweep.order + ((1 - part) if sweep.down else part)
     c, eps, time = flaws.drift
     grown = 1 - np.exp(-t / time)
     return Instant(np.asarray(1 + c * grown, np.complex128), np.asarray(1 + eps * grown, np.complex128))
 
 
-def _lagging(specimen: Specimen, flaws: Flaws, take: Take, fixture: FixtureResidue) -> Complexes:
+def _lagging(specimen: LabDevice, flaws: Flaws, sweep: LabSweep, fixture: FixtureResidue) -> Complexes:
     """Filter the swept admittance with two equal poles."""
     from scipy.signal import lfilter  # imported late: it takes half a second, and few recordings need it
 
-    f = take.frequency
+    f = sweep.frequency
     fine = np.interp(np.arange((f.size - 1) * _BETWEEN + 1) / _BETWEEN, np.arange(f.size), f)
-    y = 1 / _steady(fine, specimen, flaws, take.step, _moment(flaws, take, fine), fixture)
-    y = y[::-1] if take.down else y
-    dt = take.seconds / (fine.size - 1)
+    y = 1 / _steady(fine, specimen, flaws, sweep.step, _moment(flaws, sweep, fine), fixture)
+    y = y[::-1] if sweep.down else y
+    dt = sweep.seconds / (fine.size - 1)
     keep = np.exp(-dt / flaws.settling)
     ramp = flaws.settling / dt * (1 - keep)
     for _ in range(2):
         y = lfilter([1 - ramp, ramp - keep], [1, -keep], y, zi=[y[0] * ramp])[0]
     z = np.asarray(1 / y[::_BETWEEN], np.complex128)
-    return z[::-1] if take.down else z
+    return z[::-1] if sweep.down else z
 
 
 def _driven(
-    specimen: Specimen, flaws: Flaws, law: tuple[float, float, float], take: Take, fixture: FixtureResidue
+    specimen: LabDevice, flaws: Flaws, law: tuple[float, float, float], sweep: LabSweep, fixture: FixtureResidue
 ) -> Complexes:
     """Iterate strain and stiffness until they agree, at a constant voltage of the analyzer."""
     size, lost, power = law
-    f = take.frequency
+    f = sweep.frequency
     soft = np.zeros_like(f)
-    z = _steady(f, specimen, flaws, take.step, STILL, fixture)
+    z = _steady(f, specimen, flaws, sweep.step, STILL, fixture)
     for _ in range(_ROUNDS):
         moment = Instant(1 - soft * (1 - 1j * lost))
-        z = _steady(f, specimen, flaws, take.step, moment, fixture)
-        amplitude = np.abs(strain(f, specimen, flaws, take.step, moment)) * take.level_V / np.abs(z)
+        z = _steady(f, specimen, flaws, sweep.step, moment, fixture)
+        amplitude = np.abs(strain(f, specimen, flaws, sweep.step, moment)) * sweep.level_V / np.abs(z)
         soft = 0.5 * soft + 0.5 * np.minimum(size * (amplitude / _STRAIN) ** power, 0.2)
     return z
 
 
-def _faulty(z: Complexes, take: Take, kind: str, size: float, where: float) -> Complexes:
-    f = take.frequency
+def _faulty(z: Complexes, sweep: LabSweep, kind: str, size: float, where: float) -> Complexes:
+    f = sweep.frequency
     x = (f - f[0]) / (f[-1] - f[0])
     if kind == "interference":  # a transmitter nearby: in a narrow band a voltage is added whose phase rotates
         bell = np.exp(-0.5 * ((x - where) / 0.012) ** 2)

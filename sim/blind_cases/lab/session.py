@@ -7,29 +7,29 @@ import numpy as np
 
 from ..waves import Reals
 from .devices.flaws import FixtureResidue
-from .devices.specimen import Specimen
+from .devices.specimen import LabDevice
 from .distributions import Random, loguniform
 from .planting.plant import Plant
-from .recording import ErringAnalyzer, Take
+from .recording import ErringAnalyzer, LabSweep
 
 
-def plan(rng: Random, specimen: Specimen, plants: Sequence[Plant]) -> tuple[Take, ...]:
+def plan(rng: Random, specimen: LabDevice, plants: Sequence[Plant]) -> tuple[LabSweep, ...]:
     """Return the sweeps of a session: every step, with a repeat downwards or at another level where it is needed."""
     f0, needs = specimen.ceramic.f0, {plant.needs for plant in plants}
     f = _grid(rng, f0, "a plain disk" in needs)
     seconds = float(rng.uniform(20, 130)) * f.size / 801
-    takes: list[Take] = []
+    sweeps: list[LabSweep] = []
     chance = rng.random()
     for step in specimen.steps:
-        first = Take(step, f)
+        first = LabSweep(step, f)
         if "up and down" in needs or ("levels" not in needs and chance < 0.1):
             first = replace(first, seconds=seconds)
-            takes += [first, replace(first, down=True, order=1)]
+            sweeps += [first, replace(first, down=True, order=1)]
         elif "levels" in needs or chance > 0.95:
-            takes += [replace(first, level_V=0.1), replace(first, level_V=1.0, order=1)]
+            sweeps += [replace(first, level_V=0.1), replace(first, level_V=1.0, order=1)]
         else:
-            takes.append(first)
-    return tuple(takes)
+            sweeps.append(first)
+    return tuple(sweeps)
 
 
 def _grid(rng: Random, f0: float, plain: bool) -> Reals:
@@ -51,9 +51,9 @@ def _grid(rng: Random, f0: float, plain: bool) -> Reals:
     return np.round(x * f0, 3)
 
 
-def analyzer_of(rng: Random, takes: Sequence[Take], specimen: Specimen) -> ErringAnalyzer:
+def analyzer_of(rng: Random, sweeps: Sequence[LabSweep], specimen: LabDevice) -> ErringAnalyzer:
     """Return an analyzer within its specification, with random noise and correlation."""
-    band = (min(float(t.frequency[0]) for t in takes), max(float(t.frequency[-1]) for t in takes))
+    band = (min(float(t.frequency[0]) for t in sweeps), max(float(t.frequency[-1]) for t in sweeps))
     reach = float(rng.uniform(0.8, 4.0))
     rms = rng.uniform(2e-4, 1e-3, size=2)
     shapes = rng.standard_normal((2, 10)) * np.exp(-np.arange(10) / reach)

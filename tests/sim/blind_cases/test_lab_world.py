@@ -10,31 +10,31 @@ from pzctl.models.stack import Elastic, HalfSpace, Piezo
 from pzctl.sim.blind_cases.lab.devices.device import _spread, admittance
 from pzctl.sim.blind_cases.lab.devices.flaws import NOTHING, FixtureResidue, Flaws
 from pzctl.sim.blind_cases.lab.devices.random_specimen import random_specimen
-from pzctl.sim.blind_cases.lab.devices.specimen import AIR, Specimen, lossy
+from pzctl.sim.blind_cases.lab.devices.specimen import AIR, LabDevice, lossy
 from pzctl.sim.blind_cases.lab.devices.terminals import at_analyzer
 from pzctl.sim.blind_cases.lab.draw import FAMILIES, LabSession, draw_case
 from pzctl.sim.blind_cases.lab.files import make_case
 from pzctl.sim.blind_cases.lab.planting import families, layered
 from pzctl.sim.blind_cases.lab.planting.imperfections import imperfections
-from pzctl.sim.blind_cases.lab.planting.plant import Hideout, LabWorld, Plant
+from pzctl.sim.blind_cases.lab.planting.plant import LabScenario, LabWorld, Plant
 from pzctl.sim.blind_cases.lab.planting.visible import View
-from pzctl.sim.blind_cases.lab.recording import ErringAnalyzer, Take, shown
+from pzctl.sim.blind_cases.lab.recording import ErringAnalyzer, LabSweep, shown
 from pzctl.sim.blind_cases.lab.session import plan
 
 OUTSIDE_KINDS = 24
 
 
-def specimen_of(seed: int, steps: int = 1, backed: bool = False) -> Specimen:
+def specimen_of(seed: int, steps: int = 1, backed: bool = False) -> LabDevice:
     return random_specimen(np.random.default_rng(seed), "x", steps, backed, ceramic_only=True)
 
 
-def grid(s: Specimen, points: int = 401) -> np.ndarray:
+def grid(s: LabDevice, points: int = 401) -> np.ndarray:
     return np.linspace(0.12, 3.4, points) * s.ceramic.f0
 
 
-def impedance(s: Specimen, flaws: Flaws = NOTHING, step: str = "disk", f: np.ndarray | None = None) -> np.ndarray:
+def impedance(s: LabDevice, flaws: Flaws = NOTHING, step: str = "disk", f: np.ndarray | None = None) -> np.ndarray:
     f = grid(s) if f is None else f
-    return shown(s, flaws, Take(step, f, seconds=100.0), FixtureResidue())
+    return shown(s, flaws, LabSweep(step, f, seconds=100.0), FixtureResidue())
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3])
@@ -49,16 +49,16 @@ def test_without_flaws_it_equals_the_models_stack(steps: int) -> None:
         h33=ceramic.h33,
         eps33S=ceramic.eps33S,
     )
-    for coat in s.coats:
-        row = row | Elastic(coat.name, thickness=coat.thickness, z=coat.z, c=coat.c, q=coat.q)
+    for layer in s.layers:
+        row = row | Elastic(layer.name, thickness=layer.thickness, z=layer.z, c=layer.c, q=layer.q)
     theirs = (row | HalfSpace("air", AIR)).with_area(s.area).impedance(grid(s))
     ours = impedance(s, step=s.steps[-1])
     # a lossy layer has a complex z or a complex c; its stiffness is the same
     np.testing.assert_allclose(ours, theirs, rtol=1e-6)
 
 
-def plants() -> list[tuple[Plant, Specimen]]:
-    rng, found = np.random.default_rng(5), list[tuple[Plant, Specimen]]()
+def plants() -> list[tuple[Plant, LabDevice]]:
+    rng, found = np.random.default_rng(5), list[tuple[Plant, LabDevice]]()
     for _, family in FAMILIES:
         bonded = family in (layered.bond, layered.void, layered.ageing)
         s = specimen_of(8 if bonded else 2, 2 if bonded else 1, backed=family is layered.backing)
@@ -68,14 +68,16 @@ def plants() -> list[tuple[Plant, Specimen]]:
     return found
 
 
-def recorded(plant: Plant, s: Specimen, scale: float, points: int = 401) -> np.ndarray:
-    world = Hideout(LabWorld(s), (replace(plant, scale=scale),)).world(plant.steps[-1])
-    take = Take(plant.steps[-1], grid(s, points) if not world.flaws.lateral else grid(s, points)[30:190], seconds=100.0)
-    return shown(world.specimen, world.flaws, take, world.fixture)
+def recorded(plant: Plant, s: LabDevice, scale: float, points: int = 401) -> np.ndarray:
+    world = LabScenario(LabWorld(s), (replace(plant, scale=scale),)).world(plant.steps[-1])
+    sweep = LabSweep(
+        plant.steps[-1], grid(s, points) if not world.flaws.lateral else grid(s, points)[30:190], seconds=100.0
+    )
+    return shown(world.specimen, world.flaws, sweep, world.fixture)
 
 
 @pytest.mark.parametrize(("plant", "s"), plants(), ids=lambda one: getattr(one, "effect", ""))
-def test_plants_are_passive_and_vanish_with_their_size(plant: Plant, s: Specimen) -> None:
+def test_plants_are_passive_and_vanish_with_their_size(plant: Plant, s: LabDevice) -> None:
     z = recorded(plant, s, 1.0)
     honest = plant.effect not in ("polarity", "temperature-drift") and plant.shape.get("kind") not in (
         *("interference", "mixing", "loose contact"),
@@ -136,10 +138,10 @@ def test_a_spread_of_thickness_has_the_stated_mean_and_deviation(shape: str) -> 
 def test_a_detector_with_two_poles_lags_by_twice_its_time_constant() -> None:
     s = specimen_of(4)
     f = np.linspace(0.8, 1.2, 801) * s.ceramic.f0
-    take = Take("disk", f, seconds=100.0)
+    sweep = LabSweep("disk", f, seconds=100.0)
     lag_Hz = 2 * 0.002 * (f[-1] - f[0]) / 100
-    late = 1 / shown(s, Flaws(settling=0.002), take, FixtureResidue())
-    earlier = 1 / shown(s, NOTHING, replace(take, frequency=f - lag_Hz), FixtureResidue())
+    late = 1 / shown(s, Flaws(settling=0.002), sweep, FixtureResidue())
+    earlier = 1 / shown(s, NOTHING, replace(sweep, frequency=f - lag_Hz), FixtureResidue())
     np.testing.assert_allclose(late[9:], earlier[9:], rtol=1e-3)
 
 
@@ -164,9 +166,9 @@ def test_analyzers_err_within_their_specification() -> None:
 def test_constants_absorb_electrodes_but_not_a_lead_and_the_analyzer_absorbs_a_gain() -> None:
     s = specimen_of(2)
     rng = np.random.default_rng(0)
-    take = plan(rng, s, ())[0]
+    sweep = plan(rng, s, ())[0]
     f = np.linspace(0.6, 1.4, 801) * s.ceramic.f0
-    take = replace(take, frequency=f)
+    sweep = replace(sweep, frequency=f)
     analyzer = ErringAnalyzer((float(f[0]), float(f[-1])))
 
     def gain(world: LabWorld, k: float) -> LabWorld:
@@ -178,19 +180,19 @@ def test_constants_absorb_electrodes_but_not_a_lead_and_the_analyzer_absorbs_a_g
         (lead, 0.1, 1.0),
         (Plant("gain", ("any",), s.steps, gain), 0.0, 0.01),
     ):
-        hideout = Hideout(LabWorld(s), (plant,))
-        world, bare = hideout.world("disk"), hideout.scaled(0, 0.0).world("disk")
+        scenario = LabScenario(LabWorld(s), (plant,))
+        world, bare = scenario.world("disk"), scenario.scaled(0, 0.0).world("disk")
         shift = np.log(
-            shown(world.specimen, world.flaws, take, FixtureResidue()) / shown(s, bare.flaws, take, FixtureResidue())
+            shown(world.specimen, world.flaws, sweep, FixtureResidue()) / shown(s, bare.flaws, sweep, FixtureResidue())
         )
-        left = View(hideout, (take,), analyzer).seen(0).moves
+        left = View(scenario, (sweep,), analyzer).seen(0).moves
         assert least <= left / np.sqrt(np.mean(np.abs(shift) ** 2)) <= most
 
 
 def test_the_plant_with_the_largest_change_dominates_and_roles_follow() -> None:
     cases: list[LabSession] = [draw_case(11, index) for index in range(14)]
     for case in cases:
-        effects = [k for k, plant in enumerate(case.hideout.plants) if not plant.minor]
+        effects = [k for k, plant in enumerate(case.scenario.plants) if not plant.minor]
         leading = [k for k in range(len(case.seen)) if case.role(k) == "dominating"]
         assert len(leading) <= 1
         for k in leading:

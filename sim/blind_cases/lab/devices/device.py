@@ -12,7 +12,7 @@ from ...device_under_test import DeviceUnderTest, DiskShape
 from ...ritz import finite_disk_admittance
 from ...waves import Complexes, LayerColumn, Part, Reals, Slice, respond
 from .flaws import Flaws, Side
-from .specimen import AIR, Ceramic, Coat, Specimen, lossy
+from .specimen import AIR, Ceramic, LabDevice, LabLayer, lossy
 
 _NODES = 9, 101
 """Fewest and most thicknesses that a distribution is resolved into."""
@@ -35,7 +35,7 @@ STILL = Instant()
 _Shares = list[tuple[float | Reals, LayerColumn]]
 
 
-def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> Complexes:
+def admittance(f: Reals, specimen: LabDevice, flaws: Flaws, step: str, moment: Instant = STILL) -> Complexes:
     """Return the admittance in S of a step's device without its leads; f in Hz, shape (N,)."""
     whole = None if flaws.lateral else columns(f, specimen, flaws, step, moment)
     total = _finite(f, specimen, flaws.lateral) if whole is None else _sum(f, specimen.area, whole)
@@ -49,7 +49,7 @@ def admittance(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: In
     return total if flaws.sheet is None else _fed(total, *flaws.sheet)
 
 
-def strain(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant) -> Complexes:
+def strain(f: Reals, specimen: LabDevice, flaws: Flaws, step: str, moment: Instant) -> Complexes:
     """Return the ceramic's mean strain per ampere through the device; 1/A, shape (N,)."""
     omega = 2 * np.pi * f
     shares = columns(f, specimen, replace(flaws, spread=(), dot=None, void=None), step, moment)
@@ -65,19 +65,19 @@ def _sum(f: Reals, area: float, shares: _Shares) -> Complexes:
     return total
 
 
-def columns(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant = STILL) -> _Shares:
+def columns(f: Reals, specimen: LabDevice, flaws: Flaws, step: str, moment: Instant = STILL) -> _Shares:
     """Return all columns with their fractions of the area."""
     factors, weights = _spread(specimen, flaws)
-    coats = _true_coats(specimen, flaws, step)
-    whole: _Shares = [(1.0, _column(f, specimen, coats, flaws, step, moment, factors))]
+    layers = _true_layers(specimen, flaws, step)
+    whole: _Shares = [(1.0, _column(f, specimen, layers, flaws, step, moment, factors))]
     if flaws.void is not None:
         behind, share, rim = flaws.void
-        names = ["disk", *(coat.name for coat in coats)]
+        names = ["disk", *(layer.name for layer in layers)]
         if behind in names and names.index(behind) + 1 < len(names):
             k = names.index(behind)
-            soft = replace(coats[k], z=coats[k].z * 0.4, c=coats[k].c * 0.4, q=8.0)  # a sixth of the stiffness
-            half = (*coats[:k], soft, *coats[k + 1 :])
-            bare = _column(f, specimen, coats[:k], flaws, step, moment, factors)
+            soft = replace(layers[k], z=layers[k].z * 0.4, c=layers[k].c * 0.4, q=8.0)  # a sixth of the stiffness
+            half = (*layers[:k], soft, *layers[k + 1 :])
+            bare = _column(f, specimen, layers[:k], flaws, step, moment, factors)
             frayed = _column(f, specimen, half, flaws, step, moment, factors)
             whole = [(1 - share * (1 + rim), whole[0][1]), (share, bare), (share * rim, frayed)]
     if flaws.dot is not None:
@@ -87,7 +87,7 @@ def columns(f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Insta
     return [(part * weights, column) for part, column in whole]
 
 
-def _spread(specimen: Specimen, flaws: Flaws) -> tuple[dict[str, Any], float | Reals]:
+def _spread(specimen: LabDevice, flaws: Flaws) -> tuple[dict[str, Any], float | Reals]:
     """Return factors on thicknesses by layer, shape (K, 1), and their weights; only the widest one is resolved."""
     if not flaws.spread:
         return {}, 1.0
@@ -112,19 +112,19 @@ def _normal_nodes(count: int) -> tuple[Reals, Reals]:
     return x, w
 
 
-def _true_coats(specimen: Specimen, flaws: Flaws, step: str) -> tuple[Coat, ...]:
-    coats = specimen.coats_of(step)
+def _true_layers(specimen: LabDevice, flaws: Flaws, step: str) -> tuple[LabLayer, ...]:
+    layers = specimen.layers_of(step)
     if flaws.untold is None:
-        return coats
+        return layers
     name, thickness = flaws.untold
-    there = (replace(coat, thickness=thickness) if coat.name == name else coat for coat in coats)
-    return tuple(coat for coat in there if coat.thickness > 0)
+    there = (replace(layer, thickness=thickness) if layer.name == name else layer for layer in layers)
+    return tuple(layer for layer in there if layer.thickness > 0)
 
 
 def _column(
     f: Reals,
-    specimen: Specimen,
-    coats: Sequence[Coat],
+    specimen: LabDevice,
+    layers: Sequence[LabLayer],
     flaws: Flaws,
     step: str,
     moment: Instant,
@@ -134,7 +134,7 @@ def _column(
     parts: list[Part] = [_paste(flaws.electrodes[0])] if flaws.electrodes[0] else []
     parts += _ceramic(f, specimen, flaws, step, moment, factors.get("disk", 1.0))
     parts += [_paste(flaws.electrodes[1])] if flaws.electrodes[1] else []
-    parts += [_coat(x, coat, flaws, factors.get(coat.name, 1.0)) for coat in coats]
+    parts += [_layer(x, layer, flaws, factors.get(layer.name, 1.0)) for layer in layers]
     back: complex | Complexes = specimen.back
     if flaws.backing is not None:
         waves, q, power = flaws.backing
@@ -170,10 +170,10 @@ def _with_dot(column: LayerColumn, mass: float, side: Side) -> LayerColumn:
     return replace(column, parts=(dot, *column.parts) if side == "back" else (*column.parts, dot))
 
 
-def _coat(x: Reals, coat: Coat, flaws: Flaws, factor: float | Reals) -> Slice:
-    stiffness = lossy(x, coat.z * coat.c * (1 + 1j / coat.q), coat.loss_power, coat.causal)
-    stiffness = _viscous(x, stiffness, flaws, coat.name)
-    return Slice(coat.thickness * factor, coat.z / coat.c, stiffness)
+def _layer(x: Reals, layer: LabLayer, flaws: Flaws, factor: float | Reals) -> Slice:
+    stiffness = lossy(x, layer.z * layer.c * (1 + 1j / layer.q), layer.loss_power, layer.causal)
+    stiffness = _viscous(x, stiffness, flaws, layer.name)
+    return Slice(layer.thickness * factor, layer.z / layer.c, stiffness)
 
 
 def _viscous(x: Reals, stiffness: Complexes, flaws: Flaws, layer: str) -> Complexes:
@@ -185,7 +185,7 @@ def _viscous(x: Reals, stiffness: Complexes, flaws: Flaws, layer: str) -> Comple
 
 
 def _ceramic(
-    f: Reals, specimen: Specimen, flaws: Flaws, step: str, moment: Instant, factor: float | Reals
+    f: Reals, specimen: LabDevice, flaws: Flaws, step: str, moment: Instant, factor: float | Reals
 ) -> list[Part]:
     ceramic = specimen.ceramic
     x = f / ceramic.f0
@@ -247,7 +247,7 @@ def _fed(Y: Complexes, ohm: float, radius: float) -> Complexes:
     return np.asarray(-2 * np.pi * radius / ohm * slope + y * np.pi * radius**2, np.complex128)
 
 
-def _finite(f: Reals, specimen: Specimen, lateral: tuple[float, ...]) -> Complexes:
+def _finite(f: Reals, specimen: LabDevice, lateral: tuple[float, ...]) -> Complexes:
     """Return the admittance of the disk in both dimensions; its losses have constant Q."""
     ceramic: Ceramic = specimen.ceramic
     disk = DiskShape(ceramic.thickness, ceramic.c33D, ceramic.h33, ceramic.eps33S)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..distributions import lognormal, loguniform
-from .specimen import AIR, EPS0, Ceramic, Coat, Kind, Specimen, Told
+from .specimen import AIR, EPS0, Ceramic, Kind, LabDevice, LabLayer, Told
 
 _MATERIALS: dict[str, tuple[Kind, float, float, float, float, float, float, float]] = {
     # kind, weight, density, c33D (GPa), h33 (1e8 V/m), eps33S/eps0, Q, tan d
@@ -20,7 +20,7 @@ _IN_LIBRARY = ("Pz27", "PZT-5A", "PIC255")
 _GLUE = 2.9e6, 2550.0, 30.0
 
 
-def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: bool, ceramic_only: bool) -> Specimen:
+def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: bool, ceramic_only: bool) -> LabDevice:
     """Return a specimen with `steps` gluing steps; `ceramic_only`: a soft or hard ceramic, no film, no composite."""
     names = [m for m, of in _MATERIALS.items() if of[0] in ("soft", "hard") or not (ceramic_only or steps > 1)]
     weights = np.array([_MATERIALS[m][1] for m in names])
@@ -28,12 +28,12 @@ def random_specimen(rng: np.random.Generator, name: str, steps: int, backed: boo
     ceramic = _ceramic(rng, material)
     wide = {"film": (6.0, 10.0), "composite": (12.0, 25.0)}.get(ceramic.kind, (10.0, 25.0))
     diameter = round(float(rng.uniform(*wide)), 3) * 1e-3
-    coats: list[Coat] = []
+    layers: list[LabLayer] = []
     for k in range(1, steps):
-        coats += [_glue(rng, k), _matching_layer(rng, k, ceramic.f0)]
+        layers += [_glue(rng, k), _matching_layer(rng, k, ceramic.f0)]
     back = float(rng.uniform(3e6, 7e6)) if backed else AIR
     told = _told(rng, material, ceramic, diameter)
-    return Specimen(name, diameter, ceramic, tuple(coats), back, AIR, ("disk", "ml1", "ml2")[:steps], told)
+    return LabDevice(name, diameter, ceramic, tuple(layers), back, AIR, ("disk", "ml1", "ml2")[:steps], told)
 
 
 def _ceramic(rng: np.random.Generator, material: str) -> Ceramic:
@@ -52,13 +52,13 @@ def _ceramic(rng: np.random.Generator, material: str) -> Ceramic:
     )
 
 
-def _glue(rng: np.random.Generator, number: int) -> Coat:
+def _glue(rng: np.random.Generator, number: int) -> LabLayer:
     """Return a glue whose library values are off by some tens of per cent and stated as exact."""
     z, c, q = _GLUE
     true = (z * float(np.exp(rng.normal(0, 0.2))), c * float(np.exp(rng.normal(0, 0.12))))
     thickness = lognormal(rng, 8e-6, 0.4)
     stated_thickness = max(thickness + float(rng.normal(0, 4e-6)), 2e-6)
-    return Coat(
+    return LabLayer(
         f"glue{number}",
         thickness,
         *true,
@@ -69,13 +69,13 @@ def _glue(rng: np.random.Generator, number: int) -> Coat:
     )
 
 
-def _matching_layer(rng: np.random.Generator, number: int, f0: float) -> Coat:
+def _matching_layer(rng: np.random.Generator, number: int, f0: float) -> LabLayer:
     z, c, q = (10.3e6, 2455.0, 40.0) if number == 1 else (3.3e6, 2400.0, 35.0)
     thickness = float(rng.uniform(0.6, 1.1)) * c / (4 * f0)
     u = (1e-6, 0.08 * z, 0.1 * c, 25.0)
     told = round(thickness + float(rng.normal(0, u[0])), 9)
     true = (z * float(rng.normal(1, 0.04)), c * float(rng.normal(1, 0.03)), float(rng.uniform(20, 60)))
-    return Coat(f"ml{number}", thickness, *true, False, (told, z, c, q), u)
+    return LabLayer(f"ml{number}", thickness, *true, False, (told, z, c, q), u)
 
 
 def _told(rng: np.random.Generator, material: str, ceramic: Ceramic, diameter: float) -> Told:

@@ -45,7 +45,7 @@ class Ceramic:
 
 
 @dataclass(frozen=True)
-class Coat:
+class LabLayer:
     """A glued layer or the glue between: m, Rayl, m/s; its stiffness is z c (1 + j/q), q at the ceramic's `f0`."""
 
     name: str
@@ -78,14 +78,14 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Specimen:
+class LabDevice:
     """One transducer; its steps are `disk`, `ml1`, `ml2`, as many as there are."""
 
     name: str
     diameter: float
     """m."""
     ceramic: Ceramic
-    coats: tuple[Coat, ...]
+    layers: tuple[LabLayer, ...]
     back: float
     """Rayl, the load behind the ceramic."""
     front: float
@@ -102,9 +102,9 @@ class Specimen:
         """Clamped capacitance, F."""
         return self.ceramic.eps33S.real * self.area / self.ceramic.thickness
 
-    def coats_of(self, step: str) -> tuple[Coat, ...]:
+    def layers_of(self, step: str) -> tuple[LabLayer, ...]:
         """Return the layers glued on in a step, back to front."""
-        return self.coats[: 2 * self.steps.index(step)]
+        return self.layers[: 2 * self.steps.index(step)]
 
 
 def lossy(x: Reals, value: complex, power: float, causal: bool) -> Complexes:

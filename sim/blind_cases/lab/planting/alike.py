@@ -7,22 +7,22 @@ changes ln Z by no more than the largest imperfection, or gains no more than noi
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..devices.specimen import Specimen
-from .plant import Hideout, LabWorld, Plant
+from ..devices.specimen import LabDevice
+from .plant import LabScenario, LabWorld, Plant
 from .visible import View
 
 Put = Callable[[LabWorld, float], LabWorld]
 
 
-def _terminals(put: Put, effect: str) -> Callable[[Plant, Specimen], Plant]:
-    def rival(plant: Plant, _: Specimen) -> Plant:
+def _terminals(put: Put, effect: str) -> Callable[[Plant, LabDevice], Plant]:
+    def rival(plant: Plant, _: LabDevice) -> Plant:
         return Plant(effect, ("terminals",), plant.steps, put)
 
     return rival
 
 
-def _inside(put: Put, effect: str) -> Callable[[Plant, Specimen], Plant]:
-    def rival(plant: Plant, _: Specimen) -> Plant:
+def _inside(put: Put, effect: str) -> Callable[[Plant, LabDevice], Plant]:
+    def rival(plant: Plant, _: LabDevice) -> Plant:
         return Plant(effect, ("layer:disk",), plant.steps, put)
 
     return rival
@@ -41,15 +41,15 @@ _MASS = _inside(lambda w, k: w.with_flaws(electrodes=(0.0, 1e-3 * k)), "electrod
 _SURFACE = _inside(lambda w, k: w.with_flaws(surface=(1e-7 * k, "front", 1.0, 1.0)), "surface-layer")
 
 
-def _resting(effect: str, kind: str) -> Callable[[Plant, Specimen], Plant]:
-    def rival(plant: Plant, _: Specimen) -> Plant:
+def _resting(effect: str, kind: str) -> Callable[[Plant, LabDevice], Plant]:
+    def rival(plant: Plant, _: LabDevice) -> Plant:
         side = "back" if plant.where[0] == "face:back" else "front"
         return Plant(effect, plant.where, plant.steps, lambda w, k: w.with_flaws(face=(side, kind, 1e4 * k, 0.0)))
 
     return rival
 
 
-_RIVALS: dict[str, tuple[Callable[[Plant, Specimen], Plant], ...]] = {
+_RIVALS: dict[str, tuple[Callable[[Plant, LabDevice], Plant], ...]] = {
     "lead-inductance": (_CABLE,),
     "cable": (_LEAD,),
     "series-resistance": (_SHEET,),
@@ -65,22 +65,22 @@ _RIVALS: dict[str, tuple[Callable[[Plant, Specimen], Plant], ...]] = {
 _LINE = frozenset({"lead-inductance", "stray-capacitance", "cable"})
 
 
-def with_other_names(hideout: Hideout, view: View, noise: float, floor: float, noise_gains: float) -> Hideout:
-    """Return the hideout with all accepted names of its plants; `floor`: largest change of ln Z by an imperfection."""
-    plants = list(hideout.plants)
+def with_other_names(scenario: LabScenario, view: View, noise: float, floor: float, noise_gains: float) -> LabScenario:
+    """Return the scenario with all accepted names of its plants; `floor`: largest change of ln Z by an imperfection."""
+    plants = list(scenario.plants)
     whole = together({plant.effect for plant in plants})
-    for index, plant in enumerate(hideout.plants):
+    for index, plant in enumerate(scenario.plants):
         if plant.minor:
             continue
         names = [*plant.accept, *(whole if plant.effect in _LINE else ())]
         for make in _RIVALS.get(plant.effect, ()):
-            rival = make(plant, hideout.bare.specimen)
+            rival = make(plant, scenario.bare.specimen)
             left = view.with_rival(rival).seen(index)
             if left.gain < noise_gains or left.moves < max(floor, noise):
                 names.append(rival.effect)
         names = [name for name in names if name != plant.effect]
         plants[index] = replace(plant, accept=tuple(dict.fromkeys(names)))
-    return replace(hideout, plants=tuple(plants))
+    return replace(scenario, plants=tuple(plants))
 
 
 def together(names: set[str]) -> tuple[str, ...]:

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..devices.specimen import Specimen
+from ..devices.specimen import LabDevice
 from ..distributions import Random, lognormal
 from .layered import anywhere
 from .plant import LabWorld, Plant
 
 
-def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:
+def imperfections(rng: Random, s: LabDevice) -> tuple[Plant, ...]:
     """Return a device's imperfections: scatter of thickness, dispersion of loss and permittivity, weak resonances."""
     found = [_minor(spread_of(float(rng.uniform(2e-4, 8e-4)), s))]
     kind = s.ceramic.kind
@@ -27,26 +27,26 @@ def imperfections(rng: Random, s: Specimen) -> tuple[Plant, ...]:
 
     shape = {"causal": float(causal)}
     found.append(_minor(Plant("loss-dispersion", ("layer:disk",), s.steps, dispersed, {"power": power}, shape)))
-    if s.coats:
+    if s.layers:
         found.append(_minor(_coats_dispersed(rng, s)))
     found.append(_minor(Plant("dielectric-dispersion", ("layer:disk",), s.steps, falling, {"slope": slope})))
     found += [_minor(_weak(rng, s)) for _ in range(int(rng.integers(1, 4)))]
     return tuple(found)
 
 
-def _coats_dispersed(rng: Random, s: Specimen) -> Plant:
+def _coats_dispersed(rng: Random, s: LabDevice) -> Plant:
     """Return losses of the glued layers that follow a power of frequency."""
     power, causal = float(rng.uniform(-0.2, 0.4)), bool(rng.random() < 0.15)
 
     def put(world: LabWorld, k: float) -> LabWorld:
-        coats = tuple(replace(one, loss_power=power * k, causal=causal) for one in world.specimen.coats)
-        return replace(world, specimen=replace(world.specimen, coats=coats))
+        layers = tuple(replace(one, loss_power=power * k, causal=causal) for one in world.specimen.layers)
+        return replace(world, specimen=replace(world.specimen, layers=layers))
 
-    where = tuple(f"layer:{coat.name}" for coat in s.coats)
+    where = tuple(f"layer:{layer.name}" for layer in s.layers)
     return Plant("loss-dispersion", where, s.steps[1:], put, {"power": power}, {"causal": float(causal)})
 
 
-def spread_of(sigma: float, s: Specimen) -> Plant:
+def spread_of(sigma: float, s: LabDevice) -> Plant:
     """Return a scatter of the ceramic's thickness."""
 
     def put(world: LabWorld, k: float) -> LabWorld:
@@ -55,7 +55,7 @@ def spread_of(sigma: float, s: Specimen) -> Plant:
     return Plant("thickness-variation", ("layer:disk",), s.steps, put, {"sigma": sigma})
 
 
-def _weak(rng: Random, s: Specimen) -> Plant:
+def _weak(rng: Random, s: LabDevice) -> Plant:
     f, Q, size = s.ceramic.f0 * float(rng.uniform(0.3, 2.0)), float(rng.uniform(20, 100)), lognormal(rng, 4e-5, 0.7)
 
     def put(world: LabWorld, k: float) -> LabWorld:

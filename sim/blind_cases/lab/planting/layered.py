@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..devices.flaws import Side
-from ..devices.specimen import AIR, Specimen
+from ..devices.specimen import AIR, LabDevice
 from ..distributions import Random, lognormal, loguniform
 from .plant import LabWorld, Plant
 
@@ -14,23 +14,28 @@ def _side(rng: Random) -> Side:
     return "back" if rng.random() < 0.5 else "front"
 
 
-def _faces(specimen: Specimen, side: Side, steps: tuple[str, ...]) -> tuple[str, ...]:
+def _faces(specimen: LabDevice, side: Side, steps: tuple[str, ...]) -> tuple[str, ...]:
     """Return the faces that count as right: a bare disk between equal loads looks the same from both sides."""
     return ("face:back", "face:front") if steps == ("disk",) and specimen.back == AIR else (f"face:{side}",)
 
 
-def mass(rng: Random, s: Specimen) -> Plant:
+def mass(rng: Random, s: LabDevice) -> Plant:
     """Plant electrodes of silver paste; the constants mostly absorb them."""
     m, both = lognormal(rng, 0.02, 0.5), bool(rng.random() < 0.6)
 
     def put(world: LabWorld, k: float) -> LabWorld:
         return world.with_flaws(electrodes=(m * k if both else 0.0, m * k))
 
-    where = ("face:front", "face:back", f"interface:disk|{s.coats[0].name}" if s.coats else "face:front", "layer:disk")
+    where = (
+        "face:front",
+        "face:back",
+        f"interface:disk|{s.layers[0].name}" if s.layers else "face:front",
+        "layer:disk",
+    )
     return Plant("electrode-mass", where, s.steps, put, {"mass": m}, {"faces": 2.0 if both else 1.0}, most=4.0)
 
 
-def dot(rng: Random, s: Specimen) -> Plant:
+def dot(rng: Random, s: LabDevice) -> Plant:
     """Plant solder on part of a face."""
     side, share, m = _side(rng), float(rng.uniform(0.005, 0.05)), lognormal(rng, 0.4, 0.6)
     steps = s.steps if side == "back" else s.steps[-1:]
@@ -41,13 +46,13 @@ def dot(rng: Random, s: Specimen) -> Plant:
     return Plant("local-mass", _faces(s, side, s.steps), steps, put, {}, {"mass": m, "fraction": share}, most=9.0)
 
 
-def _bond(rng: Random, s: Specimen) -> tuple[int, str, str, str]:
-    k = int(rng.integers(0, len(s.coats) // 2))
-    behind = "disk" if k == 0 else s.coats[2 * k - 1].name
-    return k, behind, s.coats[2 * k].name, s.coats[2 * k + 1].name
+def _bond(rng: Random, s: LabDevice) -> tuple[int, str, str, str]:
+    k = int(rng.integers(0, len(s.layers) // 2))
+    behind = "disk" if k == 0 else s.layers[2 * k - 1].name
+    return k, behind, s.layers[2 * k].name, s.layers[2 * k + 1].name
 
 
-def bond(rng: Random, s: Specimen) -> Plant:
+def bond(rng: Random, s: LabDevice) -> Plant:
     """Plant a glue, softer and lossier than the library's, that the build file omits."""
     k, behind, glue, before = _bond(rng, s)
     t = lognormal(rng, 1e-5, 0.5)
@@ -55,16 +60,16 @@ def bond(rng: Random, s: Specimen) -> Plant:
     def put(world: LabWorld, scale: float) -> LabWorld:
         soft = tuple(
             replace(one, z=one.z * 0.85, c=one.c * 0.85, q=min(one.q, 14.0)) if one.name == glue else one
-            for one in world.specimen.coats
+            for one in world.specimen.layers
         )
-        world = replace(world, specimen=replace(world.specimen, coats=soft))
+        world = replace(world, specimen=replace(world.specimen, layers=soft))
         return world.with_flaws(untold=(glue, t * scale))
 
     where = (f"interface:{behind}|{before}",)
     return Plant("bond-layer", where, s.steps[k + 1 :], put, {"thickness": t}, least=0.2, most=2.5, needs="a bond")
 
 
-def void(rng: Random, s: Specimen) -> Plant:
+def void(rng: Random, s: LabDevice) -> Plant:
     """Plant a bond with a void on part of its area and a half-bonded rim around it."""
     k, behind, glue, before = _bond(rng, s)
     share, rim = lognormal(rng, 0.05, 0.8), float(rng.uniform(0.2, 0.8))
@@ -81,9 +86,9 @@ def void(rng: Random, s: Specimen) -> Plant:
     return Plant("bond-void", where, s.steps[k + 1 :], put, {"fraction": share}, {"rim": rim}, needs="a bond")
 
 
-def spread(rng: Random, s: Specimen) -> Plant:
+def spread(rng: Random, s: LabDevice) -> Plant:
     """Plant faces that are not parallel: a smooth distribution of thickness."""
-    layer = "ml1" if s.coats and rng.random() < 0.2 else "disk"
+    layer = "ml1" if s.layers and rng.random() < 0.2 else "disk"
     sigma = lognormal(rng, 4e-3 if layer == "disk" else 3e-2, 0.6)
     shape = str(rng.choice(["gauss", "triangle", "skew"]))
     steps = s.steps if layer == "disk" else s.steps[1:]
@@ -94,7 +99,7 @@ def spread(rng: Random, s: Specimen) -> Plant:
     return Plant("thickness-variation", (f"layer:{layer}",), steps, put, {"sigma": sigma}, {"shape": shape}, most=5.0)
 
 
-def surface(rng: Random, s: Specimen) -> Plant:
+def surface(rng: Random, s: LabDevice) -> Plant:
     """Plant a layer under a face without coupling, of unpoled stiffness and permittivity, that ends gradually."""
     side, depth = _side(rng), s.ceramic.thickness * lognormal(rng, 0.012, 0.6)
     stiff, less = float(rng.uniform(0.78, 0.95)), float(rng.uniform(0.8, 1.25))
@@ -107,7 +112,7 @@ def surface(rng: Random, s: Specimen) -> Plant:
     return Plant("surface-layer", where, s.steps, put, {"thickness": depth}, shape, most=6.0)
 
 
-def lateral(rng: Random, s: Specimen) -> Plant:
+def lateral(rng: Random, s: LabDevice) -> Plant:
     """Plant a disk of finite diameter, with its own tensor of constants."""
     nominal = (147e9, 105e9, 93.7e9, 23.0e9, -3.09, 11.64, 1130.0)
     lateral = tuple(value * float(rng.uniform(0.95, 1.05)) for value in nominal)
@@ -118,9 +123,9 @@ def lateral(rng: Random, s: Specimen) -> Plant:
     return Plant("lateral-modes", ("layer:disk",), s.steps, put, least=1.0, most=1.0, needs="a plain disk")
 
 
-def loss(rng: Random, s: Specimen) -> Plant:
+def loss(rng: Random, s: LabDevice) -> Plant:
     """Plant a part of the loss that grows with frequency, or one that falls."""
-    layer = "ml1" if s.coats and rng.random() < 0.15 else "disk"
+    layer = "ml1" if s.layers and rng.random() < 0.15 else "disk"
     grows = bool(rng.random() < 0.75)
     part, power = (
         float(rng.uniform(0.3, 0.9)),
@@ -134,7 +139,7 @@ def loss(rng: Random, s: Specimen) -> Plant:
     return Plant("loss-dispersion", (f"layer:{layer}",), steps, put, {"part": part}, {"power": power}, most=1.0 / part)
 
 
-def dielectric(rng: Random, s: Specimen) -> Plant:
+def dielectric(rng: Random, s: LabDevice) -> Plant:
     """Plant a relaxation of Havriliak and Negami, or of Cole and Cole."""
     size, at = lognormal(rng, 0.04, 0.6), loguniform(rng, 0.15, 3.0)
     alpha, beta = float(rng.uniform(0.5, 0.9)), float(rng.choice([1.0, 0.7]))
@@ -146,19 +151,19 @@ def dielectric(rng: Random, s: Specimen) -> Plant:
     return Plant("dielectric-dispersion", ("layer:disk",), s.steps, put, {"strength": size}, shape, most=6.0)
 
 
-def face(rng: Random, s: Specimen) -> Plant:
+def face(rng: Random, s: LabDevice) -> Plant:
     """Plant a pad that a face rests on, or a liquid in front of it."""
     kind = "fluid" if rng.random() < 0.4 else "pad"
     size = float(rng.uniform(1.1e6, 1.8e6)) if kind == "fluid" else lognormal(rng, 1e5, 0.8)
     return _resting(rng, s, "face-load", kind, size, float(rng.uniform(0.0, 1.0)))
 
 
-def viscous(rng: Random, s: Specimen) -> Plant:
+def viscous(rng: Random, s: LabDevice) -> Plant:
     """Plant a viscous liquid that a face drags along, half relaxed at high frequency."""
     return _resting(rng, s, "viscous-load", "viscous", lognormal(rng, 8e4, 0.7), float(rng.uniform(0.0, 0.15)))
 
 
-def _resting(rng: Random, s: Specimen, effect: str, kind: str, size: float, shape: float) -> Plant:
+def _resting(rng: Random, s: LabDevice, effect: str, kind: str, size: float, shape: float) -> Plant:
     side = _side(rng)
     steps = s.steps if side == "back" else s.steps[-1:]
 
@@ -170,7 +175,7 @@ def _resting(rng: Random, s: Specimen, effect: str, kind: str, size: float, shap
     return Plant(effect, where, steps, put, {"Rayl": size}, {"kind": kind, "shape": shape}, least=least, most=most)
 
 
-def backing(rng: Random, s: Specimen) -> Plant:
+def backing(rng: Random, s: LabDevice) -> Plant:
     """Plant a backing from whose rear echoes come back, its loss growing with frequency."""
     waves, power = float(rng.uniform(3, 15)), float(rng.uniform(0.0, 0.6))
     echo = min(lognormal(rng, 0.06, 0.8), 0.5)
@@ -183,7 +188,7 @@ def backing(rng: Random, s: Specimen) -> Plant:
     return Plant("finite-backing", ("face:back",), s.steps, put, {"echo": echo}, shape, most=6.0, needs="a backing")
 
 
-def resonance(rng: Random, s: Specimen) -> Plant:
+def resonance(rng: Random, s: LabDevice) -> Plant:
     """Plant one further resonance: in parallel with the ceramic, or within its stiffness."""
     f, Q = s.ceramic.f0 * float(rng.uniform(0.6, 1.3)), float(rng.uniform(30, 200))
     how, size = ("beside" if rng.random() < 0.5 else "within"), lognormal(rng, 1e-3, 0.7)
@@ -194,17 +199,17 @@ def resonance(rng: Random, s: Specimen) -> Plant:
     return Plant("spurious-resonance", anywhere(s), s.steps, put, {"strength": size}, {"f": f, "Q": Q, "how": how})
 
 
-def anywhere(s: Specimen) -> tuple[str, ...]:
+def anywhere(s: LabDevice) -> tuple[str, ...]:
     """Return all accepted places of a resonance whose place cannot be determined."""
     return (
         "layer:disk",
-        *(f"layer:{c.name}" for c in s.coats),
-        *(f"interface:{c.name}|" for c in s.coats),
+        *(f"layer:{c.name}" for c in s.layers),
+        *(f"interface:{c.name}|" for c in s.layers),
         "interface:disk|",
     )
 
 
-def ageing(rng: Random, s: Specimen) -> Plant:
+def ageing(rng: Random, s: LabDevice) -> Plant:
     """Plant constants that differ from the first step to the later ones: depoled by the heat of curing, or aged."""
     size = lognormal(rng, 5e-3, 0.6)
     c, h, eps = size * float(rng.uniform(0.1, 0.6)), -size, size * float(rng.uniform(0.5, 2.5))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from ..devices.flaws import NOTHING, FixtureResidue, Flaws
-from ..devices.specimen import Ceramic, Specimen
+from ..devices.specimen import Ceramic, LabDevice
 
 Needs = Literal["nothing", "up and down", "levels", "a plain disk", "a backing", "a bond"]
 
@@ -14,7 +14,7 @@ Needs = Literal["nothing", "up and down", "levels", "a plain disk", "a backing",
 class LabWorld:
     """A specimen, all its flaws while one step is measured, and the fixture."""
 
-    specimen: Specimen
+    specimen: LabDevice
     flaws: Flaws = NOTHING
     fixture: FixtureResidue = field(default_factory=FixtureResidue)
 
@@ -62,7 +62,7 @@ class Plant:
 
 
 @dataclass(frozen=True)
-class Hideout:
+class LabScenario:
     """A bare world with plants."""
 
     bare: LabWorld
@@ -76,7 +76,7 @@ class Hideout:
                 world = plant.put(world, plant.scale)
         return world
 
-    def scaled(self, index: int, scale: float) -> "Hideout":
+    def scaled(self, index: int, scale: float) -> "LabScenario":
         """Return the same with one plant at another scale; 0 removes it."""
         plants = tuple(replace(p, scale=scale) if k == index else p for k, p in enumerate(self.plants))
         return replace(self, plants=plants)

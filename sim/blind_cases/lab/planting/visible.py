@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...waves import Complexes, Reals
-from ..devices.specimen import AIR, Coat
-from ..recording import ErringAnalyzer, Take, shown
-from .plant import Hideout, LabWorld, Plant
+from ..devices.specimen import AIR, LabLayer
+from ..recording import ErringAnalyzer, LabSweep, shown
+from .plant import LabScenario, LabWorld, Plant
 
 _POINTS = 150
 """Number of points of a sweep that are used."""
@@ -50,7 +50,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class _Thin:
-    take: Take
+    sweep: LabSweep
     target: Complexes
     """ln Z of the true world."""
     sigma: float
@@ -60,10 +60,10 @@ class _Thin:
 class View:
     """The recordings of one world in a session, and what constants, instrument and other sizes can imitate."""
 
-    def __init__(self, hideout: Hideout, takes: Sequence[Take], analyzer: ErringAnalyzer) -> None:
-        self.hideout = hideout
-        self._thin = [_thinned(hideout, take, analyzer) for take in takes]
-        self._free = _Free(hideout, None)
+    def __init__(self, scenario: LabScenario, sweeps: Sequence[LabSweep], analyzer: ErringAnalyzer) -> None:
+        self.scenario = scenario
+        self._thin = [_thinned(scenario, sweep, analyzer) for sweep in sweeps]
+        self._free = _Free(scenario, None)
         A = np.concatenate([_allowances(one, analyzer) for one in self._thin])
         self._U, s, _ = np.linalg.svd(A, full_matrices=False)
         self._half = 1 - 1 / np.sqrt(1 + s**2)
@@ -80,7 +80,7 @@ class View:
     def join(self, rival: Plant) -> None:
         """Add another effect that may imitate."""
         slopes = self._derivatives()
-        self._free = _Free(self.hideout, rival)
+        self._free = _Free(self.scenario, rival)
         last = self._derivatives_of(np.zeros(self._free.size), None, [self._free.size - 1])
         self._slopes = np.column_stack([slopes, last[:, -1]])
 
@@ -114,13 +114,13 @@ class View:
                     slopes, renewed = self._derivatives_at(x, index), renewed + 1
         return r, now, slopes
 
-    def _rows(self, here: Hideout, linear: bool = False) -> Reals:
+    def _rows(self, here: LabScenario, linear: bool = False) -> Reals:
         """Return the differences from the true world over the noise; `linear`: without strain feedback."""
         out: list[Reals] = []
         for one in self._thin:
-            world = here.world(one.take.step)
+            world = here.world(one.sweep.step)
             flaws = replace(world.flaws, softening=None, settling=0.0) if linear else world.flaws
-            z = shown(world.specimen, flaws, one.take, world.fixture)
+            z = shown(world.specimen, flaws, one.sweep, world.fixture)
             out.append(_real(_difference(z, one.target)) / one.sigma)
         return np.concatenate(out)
 
@@ -177,14 +177,14 @@ class View:
 class _Free:
     """The constants that a fitter frees, as relative changes, and the sizes of the effects."""
 
-    def __init__(self, hideout: Hideout, rival: Plant | None) -> None:
-        self.whole, self.rival = hideout, rival
-        self.sizes = [k for k, p in enumerate(hideout.plants) if p.least < p.most and p.scale and not p.minor]
-        specimen = hideout.bare.specimen
-        self.coats = [coat for coat in specimen.coats if coat.name not in hideout.untold]
+    def __init__(self, scenario: LabScenario, rival: Plant | None) -> None:
+        self.whole, self.rival = scenario, rival
+        self.sizes = [k for k, p in enumerate(scenario.plants) if p.least < p.most and p.scale and not p.minor]
+        specimen = scenario.bare.specimen
+        self.layers = [layer for layer in specimen.layers if layer.name not in scenario.untold]
         prior = [np.inf] * 6 + [1.0 if specimen.back < _BACKED else 1e-9, 1.0]
-        for coat in self.coats:
-            prior += [max(u / v, 1e-9) for u, v in zip(coat.u, coat.told, strict=True)]
+        for layer in self.layers:
+            prior += [max(u / v, 1e-9) for u, v in zip(layer.u, layer.told, strict=True)]
         self.constants = len(prior)
         self.prior: Reals = np.array(prior + [np.inf] * (len(self.sizes) + (rival is not None)))
         self.size = self.prior.size
@@ -198,7 +198,7 @@ class _Free:
         at = column - self.constants
         return 0 <= at < len(self.sizes) and self.sizes[at] == index
 
-    def moved(self, x: Reals, index: int | None) -> Hideout:
+    def moved(self, x: Reals, index: int | None) -> LabScenario:
         """Return the world moved by x, and without plant `index`."""
         specimen = self.whole.bare.specimen
         ceramic = specimen.ceramic
@@ -211,9 +211,9 @@ class _Free:
         loads = [
             max(load + AIR * float(c), 0.0) for load, c in zip((specimen.back, specimen.front), x[6:8], strict=True)
         ]
-        moved = {coat.name: _moved(coat, x[8 + 4 * k : 12 + 4 * k]) for k, coat in enumerate(self.coats)}
-        coats = tuple(moved.get(coat.name, coat) for coat in specimen.coats)
-        specimen = replace(specimen, ceramic=ceramic, coats=coats, back=loads[0], front=loads[1])
+        moved = {layer.name: _moved(layer, x[8 + 4 * k : 12 + 4 * k]) for k, layer in enumerate(self.layers)}
+        layers = tuple(moved.get(layer.name, layer) for layer in specimen.layers)
+        specimen = replace(specimen, ceramic=ceramic, layers=layers, back=loads[0], front=loads[1])
         bare: LabWorld = replace(self.whole.bare, specimen=specimen)
         plants = list(self.whole.plants)
         for k, change in zip(self.sizes, x[self.constants :], strict=False):
@@ -222,19 +222,19 @@ class _Free:
             plants[index] = replace(plants[index], scale=0.0)
         if self.rival is not None:
             plants.append(replace(self.rival, scale=max(float(x[-1]), 0.0)))
-        return Hideout(bare, tuple(plants))
+        return LabScenario(bare, tuple(plants))
 
 
-def _moved(coat: Coat, x: Reals) -> Coat:
+def _moved(layer: LabLayer, x: Reals) -> LabLayer:
     t, z, c, q = (float(np.exp(np.clip(one, -2, 2))) for one in x)
-    return replace(coat, thickness=coat.thickness * t, z=coat.z * z, c=coat.c * c, q=coat.q * q)
+    return replace(layer, thickness=layer.thickness * t, z=layer.z * z, c=layer.c * c, q=layer.q * q)
 
 
-def _thinned(hideout: Hideout, take: Take, analyzer: ErringAnalyzer) -> _Thin:
-    n = take.frequency.size
+def _thinned(scenario: LabScenario, sweep: LabSweep, analyzer: ErringAnalyzer) -> _Thin:
+    n = sweep.frequency.size
     keep = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).round().astype(int))
-    few = replace(take, frequency=take.frequency[keep])
-    world = hideout.world(take.step)
+    few = replace(sweep, frequency=sweep.frequency[keep])
+    world = scenario.world(sweep.step)
     target = np.log(shown(world.specimen, world.flaws, few, world.fixture))
     # neighbours are correlated in coloured noise: smooth curves depend on its low frequencies only
     coloured = np.sqrt((1 + analyzer.colour) / (1 - analyzer.colour))
@@ -243,7 +243,7 @@ def _thinned(hideout: Hideout, take: Take, analyzer: ErringAnalyzer) -> _Thin:
 
 def _allowances(one: _Thin, analyzer: ErringAnalyzer) -> Reals:
     """Return the rows' derivatives by instrument and fixture, each a unit normal; shape (2 N, 2 cosines + 5)."""
-    f, z = one.take.frequency, np.exp(one.target)
+    f, z = one.sweep.frequency, np.exp(one.target)
     u = np.log(f / analyzer.band[0]) / np.log(analyzer.band[1] / analyzer.band[0])
     basis = np.stack([np.cos(n * np.pi * u) / (1 + n) for n in range(_COSINES)], axis=1)
     gain = _ACCURACY * basis.astype(np.complex128)
