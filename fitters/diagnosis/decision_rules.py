@@ -43,6 +43,8 @@ RIVALS = 6
 """Budget: hypotheses with another effect in place of a named one that are compared with it."""
 MOST = 4
 """Budget: largest number of effects at once."""
+SHARP = 20.0
+"""Quality factor from which a resonance is a line, which stands out of smooth errors."""
 LINES = 8
 """Budget: weak lines of one step that become part of the error model."""
 RECHECKED = 12

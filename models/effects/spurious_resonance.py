@@ -1,24 +1,33 @@
-"""`spurious-resonance`: one additional resonance of unknown origin, as a pole pair of the admittance."""
+"""`spurious-resonance`: one further resonance of unknown origin."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import cos, pi, sin
 
-from ..stack import Stack
+from ..stack import Elastic, LossLaw, Piezo, Stack
+from ..stack.stack import Layer
 from .base.assembly import Assembly
 from .base.branch import branch
-from .base.effect import Effect, EffectParameter
+from .base.effect import Effect, EffectParameter, layer_at
+from .base.modified_laws import CoupledMode
 from .base.scale import capacitance, resonance
 
 
 class SpuriousResonance(Effect):
-    """Y + jw C e^(j phase) f_k^2/(f_k^2 - f^2 + j f f_k/Q): a mode that no other effect of the catalogue explains."""
+    """A mode that no other effect explains: in parallel with the device, within the stiffness of a layer, or both.
+
+    Y + jw C e^(j phase) f_k^2/(f_k^2 - f^2 + j f f_k/Q) is a branch of its own, which the voltage drives; a mode that the
+    strain drives, as in flexure of a wafer, takes c s f_k^2/(f_k^2 - f^2 + j f f_k/Q) from the stiffness.
+    """
 
     name = "spurious-resonance"
+    sizes = 2
     says = "There is one additional resonance of unknown origin, which appears with {where}."
     separates = "damp the rim with wax, hold the part elsewhere, or sweep a second sample: a shift shows its origin"
     references = (
         "Gustavsen and Semlyen, IEEE Trans. Power Deliv. 14 (1999) 1052 (pole pairs)",
         "IEEE Standard on Piezoelectricity 176-1987 (the equivalent circuit)",
+        "Onoe and Tiersten, IEEE Trans. Ultrason. Eng. 10 (1963) 32 (modes coupled by strain)",
     )
 
     @property
@@ -31,22 +40,37 @@ class SpuriousResonance(Effect):
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return strength (C/C0), frequency (Hz), Q and the phase of the residue (rad; 0 for an independent mode)."""
+        """Return both strengths (C/C0 and s), frequency (Hz), Q and the phase of the branch (rad; 0 for its own mode)."""
         f0 = resonance(stack)
         return (
             EffectParameter("strength", "1", typical=1e-3, upper=1.0, prior=(4e-4, 1.6)),
+            EffectParameter("stiffness", "1", typical=1e-3, upper=0.3, prior=(4e-4, 1.6)),
             EffectParameter("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
             EffectParameter("q", "1", typical=20.0, lower=2.0, upper=1000.0, null=60.0, scan=(25.0, 100.0)),
             EffectParameter("phase", "rad", typical=0.3, lower=-1.5, upper=1.5),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device in parallel with a resonant branch."""
+        """Return the device with the mode."""
         C = values["strength"] * capacitance(assembly.nominal)
         residue = C * complex(cos(values["phase"]), sin(values["phase"]))
-        w_k = 2 * pi * values["frequency"]
-        q = values["q"]
-        return assembly.beside(lambda jw: residue * branch(jw, w_k, q))
+        f_k, q, name = values["frequency"], values["q"], layer_at(where)
+        made = assembly.beside(lambda jw: residue * branch(jw, 2 * pi * f_k, q)) if C > 0 else assembly
+        if values["stiffness"] == 0:
+            return made
+
+        def bend(law: LossLaw) -> CoupledMode:
+            return CoupledMode(law, values["stiffness"], f_k, q)
+
+        def coupled(layer: Layer) -> Layer:
+            if layer.name != name:
+                return layer
+            if isinstance(layer, Piezo):
+                return replace(layer, c_law=bend(layer.c_law))
+            return replace(layer, law=bend(layer.law)) if isinstance(layer, Elastic) else layer
+
+        bent = made.each_law(name, "elastic", bend)
+        return bent.each_stack(lambda stack: replace(stack, layers=tuple(map(coupled, stack.layers))))
 
 
 EFFECT = SpuriousResonance()

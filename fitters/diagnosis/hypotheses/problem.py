@@ -15,6 +15,7 @@ from ...engine.parameters.coordinates import Block, Coordinates, between, hardly
 from ...engine.recording import Prior, Recording
 from ...error_model.error_columns import WeakLine
 from ...interface import FitTask
+from ..decision_rules import SHARP
 from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
 from .model_under_diagnosis import LayeredModel, ModelUnderDiagnosis
@@ -59,6 +60,12 @@ class Candidate:
         others = zip(self.parameters[1:], self.effect_parameters[1:], strict=True)
         sharp = any(knob.name == "q" for knob in self.effect_parameters)
         return tuple(name for name, knob in others if sharp and knob.unit == "Hz")
+
+    @property
+    def resonates(self) -> bool:
+        """Whether it is one resonance that may be sharp: a line in the residual."""
+        sharp = any(knob.name == "q" and knob.upper > SHARP for knob in self.effect_parameters)
+        return sharp and len(self.resonance_parameters) == 1
 
     def blocks(self, values: Mapping[str, float]) -> tuple[Block, ...]:
         """Return the coordinates of its parameters within their physical limits, for a fit that starts at `values`."""

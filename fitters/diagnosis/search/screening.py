@@ -12,21 +12,27 @@ from ....models.base.model import Model
 from ....models.effects import Device, EffectParameter
 from ...engine.on_cores import on_cores
 from ...engine.recording import log_ratio
-from ...error_model.error_columns import ErrorColumns
+from ...error_model.error_columns import ErrorColumns, WeakLine
 from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import Kernel, PointErrors
 from ..hypotheses.changes import projected
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
+from .weak_lines import strongest_lines
 
 _SPREADS = (-3.5, -2.0, -1.0, 0.0, 1.0)
 """Trial sizes, in standard deviations of ln size."""
 _SIGNED = (-0.5, -0.1, -0.02, 0.02, 0.1, 0.5)
 _STRETCH = 2.5
 """Largest factor by which a change is scaled linearly; it may become as small as needed."""
+_HIGHEST = 3.0
+"""Standard deviations of ln size above the median up to which the change by a resonance is scaled: it is a branch in
+parallel with the device, so that its change is linear in its strength."""
 _LINES = 100
 """Number of trial frequencies of a further resonance."""
 _SCANS = 160
+_STRONGEST = 3
+"""Number of lines of the residual at which a sharp resonance is tried."""
 _SAME = 0.999999
 
 
@@ -52,15 +58,17 @@ def screened(
     The lists differ in how they treat the residual: as noise, as errors of a good device and instrument, or as the
     hypothesis's own errors. `jobs`: number of processes.
     """
-    changed = on_cores([partial(_changes, problem, parent, one) for one in candidates], jobs)
+    lines = _lines(parent, candidates)
+    changed = on_cores([partial(_changes, problem, parent, one, lines.get(one.step, [])) for one in candidates], jobs)
     trials = [(one, *change) for one, own in zip(candidates, changed, strict=True) for change in own]
     if not trials:
         return [], [], []
     changes = [np.stack([change[k] for _, _, change in trials], axis=1) for k in range(len(problem.recordings))]
     twins = _twins(trials, changes)
     starts = [(one, values) for one, values, _ in trials]
+    furthest = np.array([_furthest(one, values) for one, values in starts])
     usual_errors = replace(USUAL, colour=parent.fit.sizes.colour)
-    soft, usual, own = (_gains(parent, changes, sizes) for sizes in (None, usual_errors, parent.fit.sizes))
+    soft, usual, own = (_gains(parent, changes, furthest, sizes) for sizes in (None, usual_errors, parent.fit.sizes))
     return tuple(_ranked(starts, gains, twins) for gains in (soft, usual, own))
 
 
@@ -72,7 +80,9 @@ def resembling(
     `own` is a change of each recording, shape (N,). Constants are projected out; the gain of each is its correlation,
     0 to 1.
     """
-    trials = [(one, values, change) for one in candidates for values, change in _changes(problem, rest, one)]
+    lines = _lines(rest, candidates)
+    changes = [(one, _changes(problem, rest, one, lines.get(one.step, []))) for one in candidates]
+    trials = [(one, values, change) for one, own in changes for values, change in own]
     if not trials:
         return []
     columns = projected(rest, [list(own), *(change for *_, change in trials)])
@@ -88,7 +98,15 @@ def resembling(
     return sorted(best.values(), key=lambda promise: -promise.gain)
 
 
-def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple[dict[str, float], list[Complexes]]]:
+def _lines(parent: Hypothesis, candidates: Sequence[Candidate]) -> dict[str, list[WeakLine]]:
+    """Return the strongest lines of the residual in each step in which a sharp resonance may first appear."""
+    steps = dict.fromkeys(one.step for one in candidates if one.resonates)
+    return {step: strongest_lines(parent, step, _STRONGEST) for step in steps}
+
+
+def _changes(
+    problem: Problem, parent: Hypothesis, one: Candidate, lines: Sequence[WeakLine]
+) -> list[tuple[dict[str, float], list[Complexes]]]:
     """Return the trial parameters and the change of ln Z that they cause in every recording."""
     made: list[tuple[dict[str, float], list[Complexes]]] = []
     curves = parent.objective.curves(parent.fit.x)
@@ -98,7 +116,7 @@ def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple
         model = recording.model
         renamed = {recording.renamed.get(name, name): name for name in model.parameters()}
         models.append(model.replace({own: parent.values[n] for n, own in renamed.items() if n in parent.values}))
-    for effect_parameters in _trials(problem, one):
+    for effect_parameters in _trials(problem, one, lines):
         values = {one.prefix + name: value for name, value in effect_parameters.items()}
         change: list[Complexes] = []
         for recording, model, Z in zip(with_one, models, curves, strict=True):
@@ -112,11 +130,14 @@ def _changes(problem: Problem, parent: Hypothesis, one: Candidate) -> list[tuple
     return made
 
 
-def _trials(problem: Problem, one: Candidate) -> list[dict[str, float]]:
+def _trials(problem: Problem, one: Candidate, lines: Sequence[WeakLine]) -> list[dict[str, float]]:
     sizes, others = one.effect_parameters[: one.effect.sizes], one.effect_parameters[one.effect.sizes :]
-    grids = [_scan(problem, knob) for knob in others]
-    rest = [dict(zip((k.name for k in others), values, strict=True)) for values in product(*grids)]
-    far = len(rest) > 1
+    if one.resonates:
+        rest = _at_lines(lines, one, {knob.name: knob.null for knob in others})
+    else:
+        grids = [_scan(problem, knob) for knob in others]
+        rest = [dict(zip((k.name for k in others), values, strict=True)) for values in product(*grids)]
+    far = len(rest) > 1 or one.resonates
     made: list[dict[str, float]] = []
     null = {knob.name: 1e-4 * knob.expected[0] if knob.from_nothing else knob.null for knob in sizes}
     for knob in sizes:
@@ -129,6 +150,21 @@ def _trials(problem: Problem, one: Candidate) -> list[dict[str, float]]:
     return made[:: max(1, len(made) // _SCANS)]
 
 
+def _at_lines(lines: Sequence[WeakLine], one: Candidate, others: dict[str, float]) -> list[dict[str, float]]:
+    """Return the values of a sharp resonance's parameters that are no sizes, for each of these lines."""
+    frequency = one.resonance_parameters[0].removeprefix(one.prefix)
+    return [{**others, frequency: line.frequency, "q": line.q} for line in lines]
+
+
+def _furthest(one: Candidate, values: dict[str, float]) -> float:
+    """Return the largest factor by which the change of a trial is scaled linearly."""
+    if not one.resonates:
+        return _STRETCH
+    name, knob = max(one.sizes, key=lambda size: values[size[0]] / size[1].expected[0])
+    median, spread = knob.expected
+    return max(_STRETCH, median * float(np.exp(_HIGHEST * spread)) / values[name])
+
+
 def _scan(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
     if knob.scan:
         return knob.scan
@@ -139,11 +175,12 @@ def _scan(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
     return (knob.expected[0] if knob.from_nothing else knob.null,)
 
 
-def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes | None) -> tuple[Reals, Reals, Reals]:
+def _gains(
+    parent: Hypothesis, changes: Sequence[Complexes], furthest: Reals, sizes: ErrorSizes | None
+) -> tuple[Reals, Reals, Reals]:
     """Return the increase of ln likelihood along each change, its best scale factor and the part of it that survives.
 
-    Each of shape (T,). What survives is not imitated by constants and errors.
-
+    Each of shape (T,), as `furthest`, the largest scale factors. What survives is not imitated by constants and errors.
     `sizes` are those of the errors; None treats the residual as noise.
     """
     made = parent.fit.gram
@@ -177,7 +214,7 @@ def _gains(parent: Hypothesis, changes: Sequence[Complexes], sizes: ErrorSizes |
     c = lengths - np.sum(right[:, :-1] * solved[:, :-1], axis=0)
     b = -(beside[-1] - right[:, :-1].T @ solved[:, -1])
     c = np.maximum(c, 1e-30)
-    a = np.clip(b / c, 0.0, _STRETCH)
+    a = np.clip(b / c, 0.0, furthest)
     return a * b - a**2 * c / 2, a, np.sqrt(c / np.maximum(lengths, 1e-300))
 
 

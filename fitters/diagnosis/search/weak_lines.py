@@ -1,7 +1,8 @@
-"""Weak lines of a device in the residual of a hypothesis: they are part of the error model, not findings.
+"""Lines in the residual of a hypothesis: further resonances of the device.
 
-Every device has further resonances much too weak to matter. A rough error of the same size at all frequencies describes
-them badly: it is too large everywhere else. Each line that a recording shows therefore gets two columns of its own.
+Every device has some that are much too weak to matter: they are part of the error model, not findings. A rough error of
+the same size at all frequencies describes them badly: it is too large everywhere else. Each weak line that a recording
+shows therefore gets two columns of its own. A strong one is an effect, and a search for it starts here.
 """
 
 from collections.abc import Sequence
@@ -15,10 +16,10 @@ from ....models.base.arrays import Complexes, Reals
 from ...error_model.error_columns import WeakLine, line_columns
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.point_covariance import Kernel, WhitenedColumns
-from ..decision_rules import LINES
+from ..decision_rules import LINES, SHARP
 from ..hypotheses.hypothesis import Hypothesis
 
-_QS = (20.0, 40.0, 80.0, 160.0, 320.0)
+_QS = (SHARP, 40.0, 80.0, 160.0, 320.0)
 """Quality factors tried; broader lines are covered by the smooth errors."""
 _SPACING = 0.5
 """Spacing of the trial frequencies in line widths."""
@@ -26,21 +27,48 @@ _FEWEST, _ON_A_LINE = 20, 2
 """Fewest points of a recording, and within the width of a line, that distinguish a line from noise."""
 _REFINEMENTS = 5
 """Steps from a trial to the best frequency and Q beside it."""
+_WEAK = 4.0
+"""Standard deviations of a weak line's height (`prior_scales.LINE`): a higher line is none, by one in sixteen thousand."""
 _EXPECTED = 3.0
 """Prior mean of the number of lines in a recording: two ceramics in three have one to five."""
 
 
+@dataclass(frozen=True)
+class FoundLine:
+    """A line in a residual."""
+
+    line: WeakLine
+    height: float
+    """Scale of its prior, in that of a weak line; 1 for a weak one."""
+
+    @property
+    def weak(self) -> bool:
+        """Whether it is no higher than the lines that every device has."""
+        return self.height == 1
+
+
 def weak_lines(parent: Hypothesis) -> tuple[WeakLine, ...]:
-    """Return the lines that the residual of a hypothesis shows, strongest first in each step."""
+    """Return the weak lines that the residual of a hypothesis shows, strongest first in each step."""
     steps = dict.fromkeys(recording.step for recording in parent.objective.recordings)
-    return tuple(line for step in steps for line in _lines_of(parent, step))
+    return tuple(one.line for step in steps for one in _lines_of(parent, step) if one.weak)
 
 
-def _lines_of(parent: Hypothesis, step: str) -> list[WeakLine]:
+def strongest_lines(parent: Hypothesis, step: str, most: int) -> list[WeakLine]:
+    """Return at most so many lines of any height that the residual of a hypothesis shows, strongest first.
+
+    Rough errors would describe any line, so they do not count here.
+    """
+    return [one.line for one in _Residual.of(parent, step, _smooth(parent.fit.sizes)).lines(most)[0]]
+
+
+def _smooth(sizes: ErrorSizes) -> ErrorSizes:
+    return sizes.at("rho", 0.0).at("bend", 0.0)
+
+
+def _lines_of(parent: Hypothesis, step: str) -> list[FoundLine]:
     """Return the better of two sets: in addition to the hypothesis's rough errors, and instead of them."""
     own = parent.fit.sizes
-    without = own.at("rho", 0.0).at("bend", 0.0)
-    sets = [_Residual.of(parent, step, sizes).lines() for sizes in dict.fromkeys((own, without))]
+    sets = [_Residual.of(parent, step, sizes).lines() for sizes in dict.fromkeys((own, _smooth(own)))]
     return max(sets, key=lambda found: found[1])[0]
 
 
@@ -78,30 +106,30 @@ class _Residual:
         kernel = Kernel([gram.columns.points[k] for k in at], sizes.colour, sizes.rough)
         return cls(parent, step, at, kernel, beside, prior, pull, [gram.r[k] for k in at], kernel.log_det)
 
-    def lines(self) -> tuple[list[WeakLine], float]:
+    def lines(self, most: int = LINES) -> tuple[list[FoundLine], float]:
         """Return the lines, found one after the other, and ln evidence with them up to a constant of the step."""
         trials = self._trials()
         if not trials:
             return [], self._evidence([])
-        found: list[WeakLine] = []
+        found: list[FoundLine] = []
         beside = _Beside.of(self)
-        scan = beside.scanned(self.kernel.white(self._columns(trials)))
+        scan = beside.scanned(self.kernel.white(self._columns([FoundLine(line, 1.0) for line in trials])))
         width = self._width()
         price = 0.0
-        for _ in range(LINES):
+        for _ in range(most):
             gains = scan.gains
             best = int(np.argmax(gains - [log(line.q) for line in trials]))
             cost = log(trials[best].q * width / _EXPECTED * np.sqrt(max(1.0, 2 * gains[best])))
             if gains[best] < cost:
                 break
-            line = self._refined(trials[best], beside)
-            found.append(line)
+            found.append(self._refined(trials[best], beside))
             price += cost
-            scan.reduce(beside.add(self.kernel.white(self._columns([line]))))
+            scan.reduce(beside.add(self.kernel.white(self._columns(found[-1:]))))
         return found, self._evidence(found) - price
 
-    def _refined(self, line: WeakLine, beside: "_Beside") -> WeakLine:
-        """Return the line at the frequency and with the Q nearby that raise the evidence most."""
+    def _refined(self, line: WeakLine, beside: "_Beside") -> FoundLine:
+        """Return the line at the frequency and with the Q nearby that raise the evidence most, with its height."""
+        height = 1.0
         apart, steeper = _SPACING / 2, 2.0**0.5
         for _ in range(_REFINEMENTS):
             near = [
@@ -109,10 +137,12 @@ class _Residual:
                 for shift in (-1.0, 0.0, 1.0)
                 for stretch in (1 / steeper, 1.0, steeper)
             ]
-            gains = beside.scanned(self.kernel.white(self._columns(near))).gains
-            line = near[int(np.argmax(gains))]
+            scan = beside.scanned(self.kernel.white(self._columns([FoundLine(one, height) for one in near])))
+            best = int(np.argmax(scan.gains))
+            line, units = near[best], scan.height(best)
+            height = height * units if height * units > _WEAK else 1.0
             apart, steeper = apart / 1.6, steeper**0.7
-        return line
+        return FoundLine(line, height)
 
     def _trials(self) -> list[WeakLine]:
         f = np.unique(np.concatenate([self.parent.objective.recordings[k].sweep.frequency for k in self.at]))
@@ -130,21 +160,21 @@ class _Residual:
         f = np.concatenate([self.parent.objective.recordings[k].sweep.frequency for k in self.at])
         return float(np.log(np.max(f) / np.min(f)))
 
-    def _columns(self, lines: Sequence[WeakLine]) -> list[Complexes]:
+    def _columns(self, lines: Sequence[FoundLine]) -> list[Complexes]:
         curves = self.parent.objective.curves(self.parent.fit.x)
         recordings = self.parent.objective.recordings
         return [
-            np.concatenate([line_columns(recordings[k], curves[k], line) for line in lines], axis=1)
+            np.concatenate([one.height * line_columns(recordings[k], curves[k], one.line) for one in lines], axis=1)
             if lines
             else np.zeros((curves[k].size, 0), np.complex128)
             for k in self.at
         ]
 
-    def _joined(self, found: Sequence[WeakLine]) -> list[Complexes]:
+    def _joined(self, found: Sequence[FoundLine]) -> list[Complexes]:
         more = self._columns(found)
         return [np.concatenate([E, W], axis=1) for E, W in zip(self.beside, more, strict=True)]
 
-    def _evidence(self, found: Sequence[WeakLine]) -> float:
+    def _evidence(self, found: Sequence[FoundLine]) -> float:
         G = self.seen(found).squared()
         A, g = self.system(G)
         unit = np.sqrt(np.maximum(np.diag(A), 1e-300))
@@ -153,7 +183,7 @@ class _Residual:
         fall = float((g / unit) @ np.linalg.solve(S, g / unit))
         return -0.5 * (float(G[-1, -1]) - fall + log_det + 2 * float(np.sum(np.log(unit))) + self.log_K)
 
-    def seen(self, found: Sequence[WeakLine]) -> WhitenedColumns:
+    def seen(self, found: Sequence[FoundLine]) -> WhitenedColumns:
         """Return what can be absorbed, these lines, and the residual last, whitened."""
         there = self._joined(found)
         return self.kernel.white([np.concatenate([E, r[:, None]], axis=1) for E, r in zip(there, self.r, strict=True)])
@@ -268,6 +298,13 @@ class _Scan:
         self.a12 = self.a12 - np.sum(product[:, first] * weighted[:, second], axis=0)
         self.b = self.b - (line.pull @ weighted).reshape(-1, 2)
         self.along.append((line, product))
+
+    def height(self, trial: int) -> float:
+        """Return the most probable height of a trial, in units of its columns."""
+        precision = np.array(
+            [[self.a11[trial], self.a12[trial]], [self.a12[trial], self.a22[trial]]],
+        )
+        return float(np.linalg.norm(np.linalg.solve(precision, self.b[trial])))
 
     @property
     def gains(self) -> Reals:

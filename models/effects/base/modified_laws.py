@@ -1,5 +1,6 @@
-"""Loss laws that modify another law: unchanged at the reference frequency, and everywhere at null."""
+"""Laws of stiffness and permittivity that modify another law; at null they are that law."""
 
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
@@ -14,12 +15,10 @@ _TINY = 1e-9
 
 
 @dataclass(frozen=True)
-class ModifiedLaw(LossLaw):
+class DerivedLaw(LossLaw):
     """A law with its parameters, derived from another one."""
 
     base: LossLaw
-    reference: float
-    """Frequency at which the modified law equals the base, Hz."""
 
     def parameters(self) -> Mapping[str, float]:
         """Return the parameters of the base; those of the modification belong to an effect."""
@@ -28,6 +27,14 @@ class ModifiedLaw(LossLaw):
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the law with another base."""
         return replace(self, base=self.base.replace(values))
+
+
+@dataclass(frozen=True)
+class ModifiedLaw(DerivedLaw):
+    """A law that is its base at one frequency."""
+
+    reference: float
+    """Frequency at which the modified law equals the base, Hz."""
 
     def _log_x(self, frequency: Frequencies) -> Reals:
         return np.log(frequency / self.reference)
@@ -86,48 +93,61 @@ class Slope(ModifiedLaw):
         return np.multiply(np.exp(-self.slope * log_x), bent, dtype=np.complex128)
 
 
+class Multiple(DerivedLaw):
+    """A law times a factor for each frequency."""
+
+    @abstractmethod
+    def factor_at(self, frequency: Frequencies) -> Complexes:
+        """Return the factor at frequencies in Hz, shape (N,)."""
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self.base.over(value, frequency) * self.factor_at(frequency)
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        factor = self.factor_at(frequency)
+        return {key: size * factor for key, size in self.base.derivatives(value, frequency).items()}
+
+
 @dataclass(frozen=True)
-class Relaxation(ModifiedLaw):
+class Relaxation(Multiple):
     """eps(f) [1 + s (D(x) - D(1))], D(x) = 1/(1 + j x/x_r), x = f/reference: a Debye relaxation of strength s."""
 
+    reference: float
+    """Frequency at which the modified law equals the base, Hz."""
     strength: float = 0.0
     at: float = 1.0
     """x_r, where the loss is largest."""
 
-    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
-        """Return the constant at frequencies in Hz, shape (N,)."""
-        return self.base.over(value, frequency) * self._factor(frequency)
-
-    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
-        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
-        factor = self._factor(frequency)
-        return {key: size * factor for key, size in self.base.derivatives(value, frequency).items()}
-
-    def _factor(self, frequency: Frequencies) -> Complexes:
+    def factor_at(self, frequency: Frequencies) -> Complexes:
+        """Return the factor at frequencies in Hz, shape (N,)."""
         x = frequency / self.reference
         return np.asarray(1 + self.strength * (1 / (1 + 1j * x / self.at) - 1 / (1 + 1j / self.at)), np.complex128)
 
 
 @dataclass(frozen=True)
-class Factor(LossLaw):
-    """A law times a factor for each frequency, for a strain that depends on frequency."""
+class CoupledMode(Multiple):
+    """c(f) [1 - s f_k^2/(f_k^2 - f^2 + j f f_k/Q)]: a mode whose force adds to the stress, as of a coupled resonator."""
 
-    base: LossLaw
+    strength: float
+    frequency: float
+    """f_k, Hz."""
+    q: float
+
+    def factor_at(self, frequency: Frequencies) -> Complexes:
+        """Return the factor at frequencies in Hz, shape (N,)."""
+        jx = 1j * frequency / self.frequency
+        return np.asarray(1 - self.strength / (1 + jx * jx + jx / self.q), np.complex128)
+
+
+@dataclass(frozen=True)
+class Factor(Multiple):
+    """A law times given numbers, for a strain that depends on frequency."""
+
     factor: Complexes
     """Shape (N,), at the only frequencies at which the law can be evaluated."""
 
-    def parameters(self) -> Mapping[str, float]:
-        """Return the parameters of the base."""
-        return self.base.parameters()
-
-    def replace(self, values: Mapping[str, float]) -> Self:
-        """Return the law with another base."""
-        return replace(self, base=self.base.replace(values))
-
-    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
-        """Return the constant at frequencies in Hz, shape (N,)."""
-        return self.base.over(value, frequency) * self.factor
-
-    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
-        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
-        return {key: size * self.factor for key, size in self.base.derivatives(value, frequency).items()}
+    def factor_at(self, frequency: Frequencies) -> Complexes:
+        """Return the numbers, shape (N,)."""
+        return self.factor
