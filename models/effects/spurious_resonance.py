@@ -16,8 +16,8 @@ from .base.scale import capacitance, resonance
 class SpuriousResonance(Effect):
     """A mode that no other effect explains: in parallel with the device, within the stiffness of a layer, or both.
 
-    Y + jw C e^(j phase) f_k^2/(f_k^2 - f^2 + j f f_k/Q) is a branch of its own, which the voltage drives; a mode that the
-    strain drives, as in flexure of a wafer, takes c s f_k^2/(f_k^2 - f^2 + j f f_k/Q) from the stiffness.
+    The voltage drives a branch of its own, Y + jw C e^(j phase) f_k^2/(f_k^2 - f^2 + j f f_k/Q); a mode that the strain
+    drives, as of a part that is attached, takes c s f_k^2/(f_k^2 - f^2 + j f f_k/Q) from the stiffness.
     """
 
     name = "spurious-resonance"
@@ -27,7 +27,6 @@ class SpuriousResonance(Effect):
     references = (
         "Gustavsen and Semlyen, IEEE Trans. Power Deliv. 14 (1999) 1052 (pole pairs)",
         "IEEE Standard on Piezoelectricity 176-1987 (the equivalent circuit)",
-        "Onoe and Tiersten, IEEE Trans. Ultrason. Eng. 10 (1963) 32 (modes coupled by strain)",
     )
 
     @property
@@ -40,7 +39,7 @@ class SpuriousResonance(Effect):
         return tuple(f"layer:{layer.name}" for layer in stack.layers if "thickness" in layer.parameters())
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return both strengths (C/C0 and s), frequency (Hz), Q and the phase of the branch (rad; 0 for its own mode)."""
+        """Return strengths (C/C0 and s), frequency (Hz), Q and the phase of the branch (rad; 0 for an own mode)."""
         f0 = resonance(stack)
         return (
             EffectParameter("strength", "1", typical=1e-3, upper=1.0, prior=(4e-4, 1.6)),

@@ -98,6 +98,31 @@ class Support(Load):
 
 
 @dataclass(frozen=True)
+class ShearedLiquid(Load):
+    """A viscous liquid that a face moving in its own plane drags along: (1 + j) sqrt(w rho eta / 2)."""
+
+    name: str
+    density_viscosity: float
+    """rho eta, kg2 m-4 s-1."""
+
+    def parameters(self) -> dict[str, float]:
+        """Return `density_viscosity`."""
+        return {"density_viscosity": self.density_viscosity}
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the liquid with these parameters."""
+        return replace(self, **values)
+
+    def impedance(self, frequency: Frequencies) -> ComplexLike:
+        """Return the specific shear impedance in Rayl, shape (N,)."""
+        return np.multiply(1 + 1j, np.sqrt(np.pi * frequency * self.density_viscosity))
+
+    def gradients(self, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d impedance / d parameter, shape (N,); infinite without a liquid."""
+        return {"density_viscosity": np.divide(self.impedance(frequency), 2 * self.density_viscosity)}
+
+
+@dataclass(frozen=True)
 class AnyLoad(Load):
     """Any specific acoustic impedance over frequency, given as a function: measured, or from another program."""
 

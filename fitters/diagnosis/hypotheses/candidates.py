@@ -51,7 +51,10 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
             continue
         effect_parameters = tuple(_recorded(problem, knob) for knob in effect_parameters)
         open_steps = [step for step in steps if not _is_known(devices[step], effect, where)]
-        groups = _groups(where, open_steps) if open_steps else []
+        if effect.from_later_step:
+            groups = [tuple(open_steps[k:]) for k in range(1, len(open_steps))]
+        else:
+            groups = _groups(where, open_steps) if open_steps else []
         found += [Candidate(effect, where, group, effect_parameters) for group in groups]
     return found
 

@@ -26,6 +26,9 @@ class Hypothesis:
     effects: tuple[Candidate, ...]
     fit: MarginalFit
     log_tails: float
+    """Logarithm of the priors' tails, over the normal density that the fit used."""
+    log_volume: float
+    """Logarithm of the priors' densities at their largest values."""
     log_odds: float
 
     @property
@@ -36,7 +39,12 @@ class Hypothesis:
     @property
     def log_evidence(self) -> float:
         """Logarithm of the marginal likelihood."""
-        return self.fit.log_evidence + self.log_tails
+        return self.fit.log_evidence + self.log_tails + self.log_volume
+
+    @property
+    def log_prior(self) -> float:
+        """Logarithm of the prior density of constants and sizes where they are, relative to its largest value."""
+        return self.log_tails - 0.5 * self.fit.gram.before.q
 
     @property
     def log_weight(self) -> float:
@@ -127,7 +135,7 @@ def _weighed(effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     # the evidence is that of the minimum of the quadratic expansion, which is far away if a fit has not converged
     tails = min(priors.log_tails(found.x), priors.log_tails(found.x + found.value.step))
-    return Hypothesis(tuple(effects), found, tails + priors.log_volume(), odds)
+    return Hypothesis(tuple(effects), found, tails, priors.log_volume(), odds)
 
 
 def coarseness(shortfall: float, exact: bool = False) -> float:
@@ -144,9 +152,10 @@ def probabilities(found: Sequence[Hypothesis]) -> Reals:
     A likelihood with smooth and rough errors is an approximation, and where even the best hypothesis leaves more than
     noise, it may favour a wrong one by as much evidence as is missing. Evidence is therefore raised to a power, 1 only
     where nothing is missing of an exact recording (coarsened posterior: Miller and Dunson, J. Am. Stat. Assoc. 114
-    (2019) 1113).
+    (2019) 1113). What is known beforehand of sizes and constants is no approximation: a lead of a tenth of the usual
+    inductance is as improbable as it was.
     """
     temper = max(found, key=lambda one: one.log_weight).coarseness
-    weight = np.array([one.log_evidence / temper + one.log_odds for one in found])
+    weight = np.array([one.log_prior + (one.log_evidence - one.log_prior) / temper + one.log_odds for one in found])
     part = np.exp(weight - np.max(weight))
     return part / np.sum(part)

@@ -28,7 +28,7 @@ _FEWEST, _ON_A_LINE = 20, 2
 _REFINEMENTS = 5
 """Steps from a trial to the best frequency and Q beside it."""
 _WEAK = 4.0
-"""Standard deviations of a weak line's height (`prior_scales.LINE`): a higher line is none, by one in sixteen thousand."""
+"""Standard deviations of a weak line's height (`prior_scales.LINE`); one in sixteen thousand is higher."""
 _EXPECTED = 3.0
 """Prior mean of the number of lines in a recording: two ceramics in three have one to five."""
 
@@ -301,10 +301,8 @@ class _Scan:
 
     def height(self, trial: int) -> float:
         """Return the most probable height of a trial, in units of its columns."""
-        precision = np.array(
-            [[self.a11[trial], self.a12[trial]], [self.a12[trial], self.a22[trial]]],
-        )
-        return float(np.linalg.norm(np.linalg.solve(precision, self.b[trial])))
+        (a, b), (c, d) = self.b[trial], (self.a12[trial], self.a11[trial] * self.a22[trial] - self.a12[trial] ** 2)
+        return float(np.hypot(self.a22[trial] * a - c * b, self.a11[trial] * b - c * a) / d)
 
     @property
     def gains(self) -> Reals:

@@ -95,6 +95,9 @@ class Effect(ABC):
     formula_errs: ClassVar[bool] = True
     """Whether a device may deviate smoothly from its formula; not if the formula was chosen to describe the device."""
 
+    from_later_step: ClassVar[bool] = False
+    """Whether it is a change since the first step, which therefore does not have it."""
+
     of_laws: ClassVar[bool] = False
     """Whether it bends a law of a layer's stiffness or permittivity, which models other than stacks have, too."""
 

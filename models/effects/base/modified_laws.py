@@ -128,7 +128,7 @@ class Relaxation(Multiple):
 
 @dataclass(frozen=True)
 class CoupledMode(Multiple):
-    """c(f) [1 - s f_k^2/(f_k^2 - f^2 + j f f_k/Q)]: a mode whose force adds to the stress, as of a coupled resonator."""
+    """c(f) [1 - s f_k^2/(f_k^2 - f^2 + j f f_k/Q)]: a mode that the strain drives."""
 
     strength: float
     frequency: float

@@ -20,7 +20,7 @@ DESIGN = {
     "lead-inductance", "series-resistance", "stray-capacitance", "leakage", "cable", "electrode-mass", "local-mass",
     "bond-layer", "bond-void", "thickness-variation", "surface-layer", "lateral-modes", "loss-dispersion",
     "dielectric-dispersion", "face-load", "finite-backing", "spurious-resonance", "temperature-drift",
-    "drive-nonlinearity", "sweep-lag", "polarity",
+    "drive-nonlinearity", "sweep-lag", "polarity", "ageing", "electrode-sheet", "viscous-load",
 }  # fmt: skip
 WHERES = ("terminals", "sweep", "face:back", "face:front", "layer:", "interface:")
 F = np.linspace(1e6, 15e6, 120)
