@@ -55,7 +55,7 @@ class SpuriousResonance(Effect):
         residue = C * complex(cos(values["phase"]), sin(values["phase"]))
         f_k, q, name = values["frequency"], values["q"], layer_at(where)
         made = assembly.beside(lambda jw: residue * branch(jw, 2 * pi * f_k, q)) if C > 0 else assembly
-        if values["stiffness"] == 0:
+        if values["stiffness"] == 0 or not made.parts:  # a law of a model that is no stack must be smooth
             return made
 
         def bend(law: LossLaw) -> CoupledMode:
@@ -68,8 +68,7 @@ class SpuriousResonance(Effect):
                 return replace(layer, c_law=bend(layer.c_law))
             return replace(layer, law=bend(layer.law)) if isinstance(layer, Elastic) else layer
 
-        bent = made.each_law(name, "elastic", bend)
-        return bent.each_stack(lambda stack: replace(stack, layers=tuple(map(coupled, stack.layers))))
+        return made.each_stack(lambda stack: replace(stack, layers=tuple(map(coupled, stack.layers))))
 
 
 EFFECT = SpuriousResonance()

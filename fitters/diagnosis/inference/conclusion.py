@@ -1,7 +1,8 @@
 """From all fitted hypotheses to a verdict: named effects, their probabilities, look-alikes, and the residual."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -74,7 +75,8 @@ def conclude(search: GreedySearch) -> Conclusion:
     while unsure := [one for one in best.effects if sure[one].of_class < NAMED]:
         best = search.without(best, min(unsure, key=lambda one: sure[one].of_class))
         sure = _certainty(search, best)
-    final = best
+    final = _most_probable_alike(search, best, sure)
+    sure = _certainty(search, final)
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
     accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)
@@ -106,6 +108,14 @@ def conclude(search: GreedySearch) -> Conclusion:
     return Conclusion(
         null, final, tuple(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
     )
+
+
+def _most_probable_alike(search: GreedySearch, one: Hypothesis, sure: Mapping[Candidate, "_Certainty"]) -> Hypothesis:
+    """Return the most probable hypothesis in which effects of this one may be replaced by their look-alikes."""
+    parts = dict(zip((h.key for h in search.ranked), probabilities(search.ranked).tolist(), strict=True))
+    choices = product(*((effect, *sure[effect].alike) for effect in one.effects))
+    keys = [key for choice in choices if (key := frozenset(choice)) in parts and len(key) == len(one.key)]
+    return search.found[max(keys, key=lambda key: parts[key])]
 
 
 def remaining_of(one: Hypothesis) -> Remaining:
