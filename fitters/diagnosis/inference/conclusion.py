@@ -111,11 +111,12 @@ def conclude(search: GreedySearch) -> Conclusion:
 
 
 def _most_probable_alike(search: GreedySearch, one: Hypothesis, sure: Mapping[Candidate, "_Certainty"]) -> Hypothesis:
-    """Return the most probable hypothesis in which effects of this one may be replaced by their look-alikes."""
-    parts = dict(zip((h.key for h in search.ranked), probabilities(search.ranked).tolist(), strict=True))
+    """Return the hypothesis with those of its effects and of their look-alikes that are most probably present."""
     choices = product(*((effect, *sure[effect].alike) for effect in one.effects))
-    keys = [key for choice in choices if (key := frozenset(choice)) in parts and len(key) == len(one.key)]
-    return search.found[max(keys, key=lambda key: parts[key])]
+    keys = [key for choice in choices if (key := frozenset(choice)) in search.found and len(key) == len(one.key)]
+    names = {effect.effect.name for key in keys for effect in key}
+    present = {name: search.inclusion({name}) for name in names}
+    return search.found[max(keys, key=lambda key: sum(present[effect.effect.name] for effect in key))]
 
 
 def remaining_of(one: Hypothesis) -> Remaining:

@@ -140,10 +140,14 @@ class GreedySearch:
 
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
         """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
-        left = self._beside(rest)
+        left = [other for other in self._beside(rest) if other.effect is not effect.effect]
         own = change_by(self.problem, one, effect)
-        alike = [found for found in resembling(self.problem, rest, own, left) if found.gain > RESEMBLING]
-        self._fit([plan for found in alike[:SUBSTITUTES] for plan in self._plans(rest, found.candidate, [found])])
+        alike: dict[str, ScreenedCandidate] = {}
+        for found in resembling(self.problem, rest, own, left):
+            if found.gain > RESEMBLING:
+                alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
+        chosen = list(alike.values())[:SUBSTITUTES]
+        self._fit([plan for found in chosen for plan in self._plans(rest, found.candidate, [found])])
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""
