@@ -50,6 +50,8 @@ def _solved(
         raise DiskError("these constants are not finite: they are those of no disk")
     middle = int(np.searchsorted(frequency, math.sqrt(float(frequency[0]) * float(frequency[-1]))))
     modes = modes_of(disk, shape, weights[min(middle, frequency.size - 1)], rough)
+    if modes.losses is not None and not np.all(np.isfinite(modes.losses)):
+        raise DiskError("the losses of these constants are not finite: they are those of no disk")
     made: list[tuple[slice, Band]] = []
     for part in _bands(frequency):
         f = frequency[part]

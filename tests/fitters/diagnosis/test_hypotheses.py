@@ -159,9 +159,14 @@ def test_a_true_effect_has_the_highest_evidence_and_its_true_size(lead_case) -> 
     assert made.log_odds < 0 == null.log_odds
 
 
-def weighed(evidence: float, odds: float, shortfall: float) -> SimpleNamespace:
-    coarse = coarseness(shortfall, exact=shortfall == 0)
-    return SimpleNamespace(log_evidence=evidence, log_odds=odds, log_weight=evidence + odds, coarseness=coarse)
+def weighed(evidence: float, odds: float, shortfall: float, prior: float = 0.0) -> SimpleNamespace:
+    coarse, weight = coarseness(shortfall, exact=shortfall == 0), evidence + odds
+    return SimpleNamespace(log_evidence=evidence, log_odds=odds, log_weight=weight, log_prior=prior, coarseness=coarse)
+
+
+def test_what_is_known_beforehand_of_a_size_counts_in_full_however_coarse_the_evidence() -> None:
+    usual, thrice = probabilities([weighed(0.0, 0.0, 1e3), weighed(0.0, 0.0, 1e3, prior=np.log(1 / 3))])
+    assert usual / thrice == pytest.approx(3 ** (1 - 1 / coarseness(1e3)))
 
 
 @given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-10, 0)), min_size=1, max_size=6), st.floats(0, 1e4))

@@ -51,7 +51,9 @@ def test_a_lead_on_a_radial_disk_is_named_with_its_size(
 
     found = diagnose(seen(LEAD), fitter=RadialLeastSquares())
     (lead,) = found.findings
-    assert (found.verdict, lead.effect, lead.where) == ("explained", "lead-inductance", "terminals")
+    assert (found.verdict, lead.where) == ("explained", "terminals")
+    # 0.2 uH are a long lead or a short cable, which the radial modes do not tell apart
+    assert {"lead-inductance", "cable"} == {lead.effect, *(other.effect for other in lead.same_as)}
     size = lead.parameters["inductance"]
     assert abs(size.value - LEAD) < 3 * size.u < 0.5 * LEAD
     s11E = found.final.constants["disk.s11E"]
@@ -77,7 +79,9 @@ def test_a_lead_on_a_device_of_unknown_structure_is_named_and_its_circuit_recove
 
 
 def test_what_acts_inside_a_stack_is_refused_for_another_model() -> None:
-    with pytest.raises(TaskError, match=r"'electrode-mass' acts in the layers of a stack.* can have cable, lead-"):
+    with pytest.raises(
+        TaskError, match=r"'electrode-mass' acts in the layers of a stack.* can have cable, electrode-sheet, lead-"
+    ):
         diagnose(FitTask(None, {}), ("electrode-mass",), fitter=ButterworthVanDyke())
     known = "mason, stack2d, radial, disk, disk2d and bvd"
     with pytest.raises(TaskError, match=rf"'sherrit-radial' cannot be diagnosed.* {known}"):
