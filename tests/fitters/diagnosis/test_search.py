@@ -1,14 +1,23 @@
 """The search for effects that explain a misfit: screening, refits, and the effects that remain."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.refit import as_refit, refit, shift_of
 from pzctl.fitters.diagnosis.search.score_test import scores, together
 from pzctl.fitters.diagnosis.search.screening import screened
 from pzctl.fitters.diagnosis.search.trial_fits import null_refit, polish, resoftened
-from pzctl.models.effects import EffectParameter
+from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
+from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.interface import FitTask
+from pzctl.models.effects import Device, EffectParameter, find_effect
+from pzctl.models.sweep import Sweep
 
 POSITIVE = EffectParameter("mass", "kg/m2", typical=1.0, upper=10.0)
 EITHER = EffectParameter("gain", "1", typical=1.0, lower=-5.0, upper=5.0)
@@ -26,6 +35,24 @@ def test_screening_ranks_the_true_effect_first_and_names_its_equivalents(lead_ca
     (mass,) = (one for one in soft if one.candidate.effect.name == "electrode-mass")
     assert {mass.candidate.where, *(one.where for one in mass.twins)} == {"face:back", "face:front"}
     assert screened(lead_case.problem, null, ()) == ([], [], [])
+
+
+def test_a_strong_line_is_where_a_resonance_is_tried_and_is_no_weak_line(bare: Device, nothing: FitTask) -> None:
+    mode = {"stiffness": 3e-3, "frequency": 3.3e6, "q": 90.0}
+    f, device = (
+        nothing.sweeps["disk"][0].frequency,
+        bare.with_effect(find_effect("spurious-resonance"), "layer:disk", mode),
+    )
+    noise = np.random.default_rng(4).standard_normal((2, f.size))
+    recorded = Sweep(f, device.impedance(f) * np.exp(2e-4 * (noise[0] + 1j * noise[1])))
+    problem = Problem.of(solve(replace(nothing, sweeps={"disk": (recorded,)}), lambda _: None), None)
+    null = fitted(problem, (), problem.values, near=True)
+    assert not [line for line in weak_lines(null) if abs(line.frequency / 3.3e6 - 1) < 0.01]
+    found = screened(problem, null, candidates(problem, ("spurious-resonance", "face-load", "loss-dispersion")))[1][0]
+    start = {name.removeprefix(found.candidate.prefix): value for name, value in found.start.items()}
+    assert found.candidate.effect.name == "spurious-resonance"
+    assert start["frequency"] == pytest.approx(mode["frequency"], rel=0.01)
+    assert start["stiffness"] == pytest.approx(mode["stiffness"], rel=0.7)
 
 
 def test_the_score_test_ranks_the_true_effect_first(lead_case) -> None:
