@@ -7,7 +7,6 @@ occurs inside blocks).
 """
 
 import contextlib
-import select
 import time
 from collections.abc import Callable, Generator
 from typing import Any
@@ -18,7 +17,7 @@ from pyvisa.errors import InvalidSession
 
 from ..base.analyzer import InstrumentError
 from . import replies, service_request
-from .session import Session, hung_up, prepared
+from .session import Session, hung_up, prepared, readable
 
 SLICE_SECONDS = 0.25
 """Length of the slices in which an answer is awaited over a network; a lost connection is noticed between them."""
@@ -222,7 +221,7 @@ class Connection:
             if hung_up(self._socket):
                 raise ConnectionLost(f"{lost}: the connection was lost") from None
             if direct is not None:
-                select.select([direct], [], [], seconds)
+                readable(direct, seconds)
         except OSError as error:
             raise ConnectionLost(f"{lost}: {_plain(error)}") from None
 

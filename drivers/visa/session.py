@@ -1,6 +1,6 @@
 """An open VISA session, and its socket if pyvisa-py opened it."""
 
-import select
+import selectors
 import socket
 from typing import Any, NamedTuple
 
@@ -35,11 +35,21 @@ def underlying_socket(resource: MessageBasedResource) -> socket.socket | None:
     return interface if isinstance(interface, socket.socket) else None
 
 
+def readable(line: socket.socket, seconds: float) -> bool:
+    """Return whether anything can be read within this time: data, or the end of the connection.
+
+    Raises OSError or ValueError if the socket is closed here.
+    """
+    with selectors.DefaultSelector() as selector:  # select() would refuse file descriptors above 1023
+        selector.register(line, selectors.EVENT_READ)
+        return bool(selector.select(seconds))
+
+
 def hung_up(line: socket.socket | None) -> bool:
     """Return whether the peer closed the connection, which pyvisa-py (0.8) takes for silence."""
     if line is None:
         return False
     try:
-        return bool(select.select([line], [], [], 0)[0]) and line.recv(1, socket.MSG_PEEK) == b""
+        return readable(line, 0) and line.recv(1, socket.MSG_PEEK) == b""
     except (OSError, ValueError):
         return True
