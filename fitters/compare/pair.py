@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ...models.sweep import Sweep
-from ..engine.noise import noise_of
+from ..engine.noise import noise_of, reflection_noise
 from ..interface import TaskError
 from ..polarity import polarity_of
 
@@ -40,6 +40,8 @@ class Pair:
     turned: tuple[str, str] = ("", "")
     """Polarity of each side in its file (`inverted`, `conjugated`) before the correction."""
     repeats: tuple[int, int] = (1, 1)
+    reflection: float = 0.0
+    """Noise of the reflection at 50 ohm if both can be recordings of a network analyzer; else 0."""
     notes: tuple[str, ...] = field(default=())
 
     @property
@@ -88,6 +90,7 @@ def pair_of(before: Sequence[Sweep], after: Sequence[Sweep]) -> Pair:
         (_level(before[0]), _level(after[0])),
         (turned[0], turned[1]),
         (len(before), len(after)),
+        reflection_noise((before[0], after[0])),
     )
 
 

@@ -48,6 +48,10 @@ INSTRUMENT = 1e-3
 """Gain (ln |Z|) and phase (rad) of an analyzer."""
 _LEVEL = 1.5e-3
 """Error of gain or phase common to all frequencies: cables, range and connectors of the day."""
+_REFERENCE = 50.0
+"""Of a network analyzer, ohm."""
+_UNSTABLE = 10.0
+"""Change of a network analyzer's errors between two recordings, relative to the noise of its reflection."""
 _SAME = 1e-9
 _STEP = 1e-6
 _SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
@@ -255,6 +259,16 @@ class PairErrors:
         )
         shunt = np.column_stack([jw * FIXTURE["capacitance"], one * FIXTURE["conductance"]])
         return np.hstack([series / Z[:, None], -shunt * Z[:, None]])
+
+    def of_calibration(self) -> Reals:
+        """Return the standard deviation of ln Z by what moves between two recordings of a network analyzer, shape (N,).
+
+        Directivity, tracking and source match add e00 + e01 S + e11 S^2 to the reflection S. Each is as stable as
+        cables and connectors are, to some times the noise. Zeros if the noise is not that of a network analyzer.
+        """
+        Z, S = self.pair.after, (self.pair.after - _REFERENCE) / (self.pair.after + _REFERENCE)
+        moved = _UNSTABLE * self.pair.reflection * np.sqrt(1 + np.abs(S) ** 2 + np.abs(S) ** 4)
+        return np.asarray(moved * np.abs((Z + _REFERENCE) ** 2 / (2 * _REFERENCE * Z)), np.float64)
 
     def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
         """Return the noise of each point: of both recordings, and the part of a drift beyond its column."""

@@ -49,7 +49,9 @@ def is_usual(errors: PairErrors, fit: Fitted, k: int) -> bool:
     pair = errors.pair
     moved = np.abs(np.log(fit.at.predicted / predicted_without(fit, k)))
     drift = _DRIFT * np.abs(fit.errors.slope)
-    usual = np.sqrt((2 * INSTRUMENT) ** 2 + drift**2 + errors.of_fixture(pair.after) ** 2)
+    usual = np.sqrt(
+        (2 * INSTRUMENT) ** 2 + drift**2 + errors.of_fixture(pair.after) ** 2 + errors.of_calibration() ** 2
+    )
     return bool(np.mean(moved > usual) < _FEW)
 
 

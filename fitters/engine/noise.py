@@ -50,7 +50,7 @@ def _from_differences(squares: Reals, size: Reals) -> Reals:
 
 
 def _fit(squares: Reals, terms: Reals, chosen: list[int]) -> tuple[Reals, float]:
-    """Return the three variance terms, zero if not chosen, and the deviance plus a price for each term.
+    """Return the variance terms, zero if not chosen, and the deviance plus a price for each term.
 
     Iteratively reweighted nonnegative least squares; squares of complex Gaussian numbers are exponentially distributed.
     """
@@ -68,7 +68,7 @@ def _fit(squares: Reals, terms: Reals, chosen: list[int]) -> tuple[Reals, float]
         if np.all(np.abs(estimate - last) <= _SETTLED * estimate):
             break
     deviance = 2 * float(np.sum(np.log(variance) + np.minimum(squares / variance, _CLIP)))
-    parts = np.zeros(3)
+    parts = np.zeros(terms.shape[1])
     parts[chosen] = estimate
     return parts, deviance + _PRICE * len(chosen)
 
@@ -88,11 +88,34 @@ def noise_from_smoothness(sweep: Sweep) -> Reals | None:
     """
     if sweep.frequency.size < 20:
         return None
-    squares = np.abs(np.diff(np.log(sweep.impedance), _ORDER)) ** 2 / (2 * comb(2 * _ORDER, _ORDER))
-    near = np.abs(sweep.impedance[_ORDER // 2 :][: squares.size])
-    sigma = np.maximum(_at(_from_differences(squares, near), sweep.impedance), resolution(sweep))
+    sigma = np.maximum(_at(_from_differences(*_differences(sweep)), sweep.impedance), resolution(sweep))
     sigma.flags.writeable = False
     return sigma
+
+
+def _differences(sweep: Sweep) -> tuple[Reals, Reals]:
+    """Return estimates of the variance of Re (or Im) of ln Z from fifth differences, and |Z| there, shapes (N - 5,)."""
+    squares = np.abs(np.diff(np.log(sweep.impedance), _ORDER)) ** 2 / (2 * comb(2 * _ORDER, _ORDER))
+    return squares, np.abs(sweep.impedance[_ORDER // 2 :][: squares.size])
+
+
+def reflection_noise(sweeps: Sequence[Sweep], reference: float = 50.0) -> float:
+    """Return the noise of the reflection at a reference impedance, ohm, if it may be the same everywhere; else 0.
+
+    So it is of network analyzers, and in ln Z it is |Z + reference|^2 / (2 reference |Z|) times as large. This form is
+    excluded if noise proportional to |Z| describes the recordings better by more than the price of a term.
+    """
+    against, variance = 0.0, 0.0
+    for sweep in sweeps:
+        if sweep.frequency.size < 20:
+            return 0.0
+        squares, _ = _differences(sweep)
+        Z = sweep.impedance[_ORDER // 2 :][: squares.size]
+        terms = np.column_stack([np.ones(Z.size), np.abs(Z + reference) ** 4 / (2 * reference * np.abs(Z)) ** 2])
+        (found, reflection), (_, proportional) = (_fit(squares, terms, chosen) for chosen in ([1], [0]))
+        against += reflection - proportional
+        variance += float(found[1]) / len(sweeps)
+    return float(np.sqrt(variance)) if against < _PRICE else 0.0
 
 
 def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
