@@ -50,8 +50,9 @@ _LEVEL = 1.5e-3
 """Error of gain or phase common to all frequencies: cables, range and connectors of the day."""
 _REFERENCE = 50.0
 """Of a network analyzer, ohm."""
-_UNSTABLE = 10.0
-"""Change of a network analyzer's errors between two recordings, relative to the noise of its reflection."""
+_UNSTABLE = 30.0
+"""Change of a network analyzer's errors between two recordings, relative to the noise of its reflection: 0.01 dB for
+each of some kelvins, beside 0.002 dB of trace noise."""
 _SAME = 1e-9
 _STEP = 1e-6
 _SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
@@ -352,6 +353,7 @@ class PairErrors:
         that fits the whole band best, with the part of the formula's error that it imitates).
         """
         X, where = self.columns(at)
+        X = np.hstack([X, self._of_set_up(at)])
         kernel = Kernel([self.points(at)], outcome.sizes.colour, (outcome.sizes.rest, 0.0))
         G, numbers = kernel.white([X]).squared(), 2 * int(np.count_nonzero(np.isfinite(self.pair.noise_after)))
         T = self._reported(at, where, main, G.shape[0] - 1)
@@ -399,6 +401,13 @@ class PairErrors:
         lacking = [max(_USUAL_DRIFT - size, 0.0) for size in (sizes.drift, sizes.wander)]
         usual = np.repeat(lacking, [where[name].stop - where[name].start for name in ("drift", "wander")])
         return (share * usual**2) @ share.T
+
+    def _of_set_up(self, at: Linearised) -> Complexes:
+        """Return the residual of another fixture where something was put in or taken out, shape (N, M).
+
+        The terminals are opened for it, so that each recording has a residual of its own: this is the second one.
+        """
+        return self._fixture(self.pair.after)[:, : None if at.exact else 0]
 
     def _shares(self, at: Linearised) -> Reals:
         """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""

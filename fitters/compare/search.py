@@ -87,6 +87,7 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
             for hypothesis, x in _grown(parent, errors, changes):
                 if hypothesis.changes not in fits:
                     fits[hypothesis.changes] = fitted(hypothesis, errors, x, parent.outcome.sizes)
+            fits[parent.hypothesis.changes] = _again(parent, fits.values(), errors)
         if _ranked(fits.values())[0].log_posterior < best.log_posterior + _PAYS:
             break
     if _nothing_else(_ranked(fits.values())[0]):
@@ -97,6 +98,21 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
         fits[hypothesis.changes] = fitted(hypothesis, errors, plain_fit(hypothesis, errors, every[1])[1])
     ranked = tuple(_ranked(fits.values()))
     return Searched(ranked, nothing, nothing_in_common(ranked[0]))
+
+
+def _again(parent: Fitted, fits: Iterable[Fitted], errors: PairErrors) -> Fitted:
+    """Return an explanation, fitted again from its best extension if that has a further change without a size.
+
+    Such a change explains nothing, so the better fit was there without it and had not been found.
+    """
+    own = parent.hypothesis.changes
+    larger = [one for one in fits if not one.possible and set(own) < set(one.hypothesis.changes)]
+    best = max(larger, key=lambda one: one.outcome.log_evidence, default=parent)
+    if best.outcome.log_evidence < parent.outcome.log_evidence + _PAYS:
+        return parent
+    places = [best.hypothesis.slices[best.hypothesis.changes.index(change)] for change in own]
+    x = np.concatenate([best.x[place] for place in places])
+    return max(parent, fitted(parent.hypothesis, errors, x, best.outcome.sizes), key=lambda one: one.log_posterior)
 
 
 def _nothing_else(best: Fitted) -> bool:

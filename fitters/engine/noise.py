@@ -28,6 +28,8 @@ _ROUNDS, _SETTLED = 12, 1e-3
 # Convergence limit: the noise of a thousand points is only known to a few per cent.
 _PRICE = 30.0
 # Deviance that a further term must save: five times the usual 6.6, since neighbouring differences share points.
+_NOISY = 1e-3
+# Noise of the reflection of a network analyzer with few parts and a wide bandwidth: -60 dB.
 _FLOOR = 1e-7
 # Lower limit of the noise: 4294A data have seven digits.
 _SAME = 1e-9
@@ -103,7 +105,8 @@ def reflection_noise(sweeps: Sequence[Sweep], reference: float = 50.0) -> float:
     """Return the noise of the reflection at a reference impedance, ohm, if it may be the same everywhere; else 0.
 
     So it is of network analyzers, and in ln Z it is |Z + reference|^2 / (2 reference |Z|) times as large. This form is
-    excluded if noise proportional to |Z| describes the recordings better by more than the price of a term.
+    excluded if noise proportional to |Z| describes the recordings better by more than the price of a term, or if the
+    reflection would be noisier than in any network analyzer.
     """
     against, variance = 0.0, 0.0
     for sweep in sweeps:
@@ -115,7 +118,7 @@ def reflection_noise(sweeps: Sequence[Sweep], reference: float = 50.0) -> float:
         (found, reflection), (_, proportional) = (_fit(squares, terms, chosen) for chosen in ([1], [0]))
         against += reflection - proportional
         variance += float(found[1]) / len(sweeps)
-    return float(np.sqrt(variance)) if against < _PRICE else 0.0
+    return float(np.sqrt(variance)) if against < _PRICE and variance < _NOISY**2 else 0.0
 
 
 def noise_from_repeats(sweeps: Sequence[Sweep]) -> tuple[Reals, ...] | None:
