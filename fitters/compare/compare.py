@@ -88,7 +88,7 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
         verdict = "explained"
     sizes = errors_beside(named)
     before, after = chi2(errors, nothing, sizes), chi2(errors, named, sizes)
-    left = float(np.sqrt(np.mean(np.abs(named.outcome.left) ** 2)))
+    left = named.unexplained
     change = float(np.sqrt(np.mean(np.abs(pair.change) ** 2)))
     return Comparison(
         verdict,

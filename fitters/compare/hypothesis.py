@@ -261,6 +261,11 @@ class Fitted:
         return self.errors.shortfall(self.at, self.outcome)
 
     @cached_property
+    def unexplained(self) -> float:
+        """Root mean square of ln Z that neither the changes nor usual errors describe."""
+        return float(np.sqrt(np.mean(np.abs(self.errors.unexplained(self.at, self.outcome)) ** 2)))
+
+    @cached_property
     def possible(self) -> bool:
         """Whether the name of each change fits its sizes, and its first size is determined."""
         f = self.at.frequency

@@ -353,9 +353,8 @@ class PairErrors:
         that fits the whole band best, with the part of the formula's error that it imitates).
         """
         X, where = self.columns(at)
-        X = np.hstack([X, self._of_set_up(at)])
         kernel = Kernel([self.points(at)], outcome.sizes.colour, (outcome.sizes.rest, 0.0))
-        G, numbers = kernel.white([X]).squared(), 2 * int(np.count_nonzero(np.isfinite(self.pair.noise_after)))
+        G, numbers = kernel.white([np.hstack([X, self._of_set_up(at)])]).squared(), 2 * int(np.count_nonzero(np.isfinite(self.pair.noise_after)))
         T = self._reported(at, where, main, G.shape[0] - 1)
         trials = [(one, self._density(G, where, one, numbers)) for one in outcome.sizes.neighbours()]
         logs = np.array([value for _, value in trials])
@@ -435,6 +434,17 @@ class PairErrors:
             logs.append(log_density(G, log_det, scale_of(where, sizes, G.shape[0])))
         by_chance = np.sqrt(2 * numbers + numbers**2 * spread_of_variance(numbers / 2) ** 2)
         return float(max(0.0, logs[1] - 0.5 * numbers - logs[0] - 0.5 * _ONE_IN_TWENTY * by_chance))
+
+    def unexplained(self, at: Linearised, outcome: Outcome) -> Complexes:
+        """Return the residual of ln Z that neither the changes nor errors of usual sizes describe, shape (N,).
+
+        So what a large error of a change's own formula describes is not explained, nor what a drift of a per cent does.
+        """
+        X, where = self.columns(at)
+        sizes = replace(outcome.sizes.at_most(USUAL), noise=outcome.sizes.noise, colour=outcome.sizes.colour)
+        G = Kernel([self.points(at)], sizes.colour, (sizes.rest, 0.0)).white([X]).squared() / sizes.noise**2
+        _, a = posterior_of(G, scale_of(where, sizes, G.shape[0]))
+        return np.asarray(X[:, 0] - X[:, 1:] @ a, np.complex128)
 
     def merit(self, near: Linearised, sizes: Sizes) -> Callable[[Impedances], float]:
         """Return chi2 as a function of nearby predictions, with errors integrated out as at this point."""

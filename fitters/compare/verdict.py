@@ -120,9 +120,8 @@ def decided(searched: Searched, best: Fitted, alike: Sequence[int], pair: Pair) 
         return Told("unchanged", still, still, named)
     if named < NAMED:
         return Told("unexplained", max(other, 1 - still - named), still, named, says)
-    left = float(np.sqrt(np.mean(np.abs(best.outcome.left) ** 2)))
     change = float(np.sqrt(np.mean(np.abs(pair.change) ** 2)))
-    whole = best.outcome.usual >= NAMED or left < _EXPLAINED * change
+    whole = best.shortfall == 0.0 or best.unexplained < _EXPLAINED * change
     return Told("explained" if whole else "partly-explained", named, still, named)
 
 

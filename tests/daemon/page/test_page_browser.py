@@ -257,6 +257,16 @@ def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
         assert browser.run(GREEN) > 200, "the kept curve is drawn"
         browser.picture(pictures / f"page-compared-{theme}.png")
 
+    # What changed from the kept one is said, drawn, and gone with the pair.
+    browser.run("document.getElementById('compare').click()")
+    assert browser.run("document.getElementById('compare').disabled"), "asked once"
+    browser.wait("!document.getElementById('changed').hidden")
+    assert "recordings differ" in browser.run("document.getElementById('changed-words').textContent")
+    assert browser.run("document.querySelectorAll('#changed canvas').length") == 2
+    browser.picture(pictures / "page-changed.png")
+    browser.run("document.getElementById('keep').click()")
+    assert browser.run("document.getElementById('changed').hidden && document.getElementById('compare').hidden")
+
     link = "[...document.querySelectorAll('#downloads a')].find((a) => a.textContent === 'report (PDF)')"
     began = (
         f"fetch({link}.href).then((r) => r.blob()).then(async (b) => [b.type, b.size, (await b.text()).slice(0, 5)])"
