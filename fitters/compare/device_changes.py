@@ -107,11 +107,11 @@ class NewResonance:
         return bool(inside and values["Q"] > self.least_q)
 
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
-        """Return Z in parallel with a resonant branch whose peak is `strength` Q times the usual admittance."""
+        """Return Z in parallel with a branch of L, C and R whose peak is `strength` Q times the usual admittance."""
         f0, q = values["frequency"], values["Q"]
         pole = f0 * complex(-1 / (2 * q), np.sqrt(max(1 - 1 / (4 * q**2), 0.0)))
-        residue = values["strength"] * self.scale * f0 / 2
-        branch = pole_terms(frequency, np.array([pole]), np.array([residue], np.complex128))[:, 0]
+        residue = values["strength"] * self.scale * f0 / 2 * pole / (1j * pole.imag)
+        branch = pole_terms(frequency, np.array([pole]), np.array([residue]))[:, 0]
         return 1 / (1 / Z + branch), own
 
 

@@ -79,12 +79,12 @@ class Hypothesis:
 
     @property
     def inside(self) -> tuple[int, ...]:
-        """Coordinates of changes in the device that drift can imitate: all but those that bend a resonance."""
+        """Coordinates of changes in the device that drift can imitate: not of a resonance that bends or is new."""
         pairs = zip(self.changes, self.slices, strict=True)
         return tuple(
             k
             for change, own in pairs
-            if change.where != TERMINALS and not isinstance(change, AmplitudeDependent)
+            if change.where != TERMINALS and not isinstance(change, AmplitudeDependent | NewResonance)
             for k in range(own.start, own.stop)
         )
 
@@ -281,6 +281,7 @@ class Fitted:
         if not change.sizes:
             return True
         if change.sizes[0].signed:
+            own = slice(own.start, own.start + 2) if isinstance(change, AmplitudeDependent) else own  # not the exponent
             sd = np.sqrt(np.maximum(np.diag(self.outcome.covariance)[own], 0.0))
             return bool(np.any(np.abs(self.outcome.total[own]) > _SIGMAS * sd))
         main = slice(own.start, own.start + (change.main if isinstance(change, ModelChange) else 1))

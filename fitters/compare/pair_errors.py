@@ -354,7 +354,8 @@ class PairErrors:
         """
         X, where = self.columns(at)
         kernel = Kernel([self.points(at)], outcome.sizes.colour, (outcome.sizes.rest, 0.0))
-        G, numbers = kernel.white([np.hstack([X, self._of_set_up(at)])]).squared(), 2 * int(np.count_nonzero(np.isfinite(self.pair.noise_after)))
+        G = kernel.white([np.hstack([X, self._of_set_up(at)])]).squared()
+        numbers = 2 * int(np.count_nonzero(np.isfinite(self.pair.noise_after)))
         T = self._reported(at, where, main, G.shape[0] - 1)
         trials = [(one, self._density(G, where, one, numbers)) for one in outcome.sizes.neighbours()]
         logs = np.array([value for _, value in trials])

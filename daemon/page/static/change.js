@@ -1,12 +1,13 @@
 // What changed between the kept sweep and the one shown: sentences, table and picture.
 
+import { withUncertainty } from "./numbers.js";
 import { clear, columns, draw } from "./plots.js";
 
 const $ = (id) => document.getElementById(id);
 
 function row(finding) {
   const made = document.createElement("tr");
-  const sizes = Object.entries(finding.parameters).map(([name, size]) => `${name} ${size.value.toPrecision(4)} ± ${size.u.toPrecision(2)}${size.unit === "1" ? "" : ` ${size.unit}`}`);
+  const sizes = Object.entries(finding.parameters).map(([name, size]) => `${name} ${withUncertainty(size.value, size.u)}${size.unit === "1" ? "" : ` ${size.unit}`}`);
   const alike = finding.same_as.length ? ` (or ${finding.same_as.map((one) => one.effect).join(", ")})` : "";
   for (const text of [`${finding.effect}${finding.removed ? " gone" : ""}${alike}`, finding.where, finding.probability.toFixed(3), sizes.join("; ")]) {
     made.append(Object.assign(document.createElement("td"), { textContent: text }));
