@@ -69,6 +69,8 @@ _FLAT, _STEEP = 3e-3, 3e-4
 """Errors with which a start is sought: of ln Z, and a drift."""
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that chance exceeds in one recording of twenty."""
+_IMITATED = 0.5
+"""Part of a drift's power that a change in the device may leave if it is to include the drift."""
 _NEGLIGIBLE = 1e-3
 """Probability of sizes of the errors below which they are left out of an average."""
 
@@ -330,11 +332,8 @@ class PairErrors:
         x = a[own.start - 1 : own.stop - 1]
         covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
         share = self._shares(at)
-        parts = [where[name] for name in ("drift", "wander")]
-        drift = np.concatenate([a[part.start - 1 : part.stop - 1] for part in parts])
-        lacking = [max(_USUAL_DRIFT - size, 0.0) for size in (sizes.drift, sizes.wander)]
-        usual = np.repeat(lacking, [part.stop - part.start for part in parts])
-        covariance = covariance + (share * usual**2) @ share.T
+        drift = np.concatenate([a[where[name].start - 1 : where[name].stop - 1] for name in ("drift", "wander")])
+        covariance = covariance + _USUAL_DRIFT**2 * share @ share.T
         moved = self._drift.moved_by(drift)
         cost = float(G[0, 0] - G[0, 1:] @ a)
         model = a[where["model"].start - 1 : where["model"].stop - 1] if "model" in where else a[:0]
@@ -360,14 +359,14 @@ class PairErrors:
         trials = [(one, self._density(G, where, one, numbers)) for one in outcome.sizes.neighbours()]
         logs = np.array([value for _, value in trials])
         chances = np.exp(logs - np.logaddexp.reduce(logs))
-        mean, square = np.zeros(at.x.size), np.zeros((at.x.size, at.x.size))
+        mean, square, drift = np.zeros(at.x.size), np.zeros((at.x.size, at.x.size)), self._of_drift(at)
         for chance, (sizes, _) in zip(chances, trials, strict=True):
             if chance < _NEGLIGIBLE:
                 continue
             inverse, a = posterior_of(G / sizes.noise**2, scale_of(where, sizes, G.shape[0]))
             x = T @ a
             mean = mean + chance * x
-            square = square + chance * (T @ inverse @ T.T + self._lacking(at, where, sizes) + np.outer(x, x))
+            square = square + chance * (T @ inverse @ T.T + drift + np.outer(x, x))
         total = float(np.sum(chances[chances >= _NEGLIGIBLE]))
         mean = mean / total
         return mean, square / total - np.outer(mean, mean)
@@ -395,12 +394,10 @@ class PairErrors:
             T[row, first : first + width] += moves * middle
         return T
 
-    def _lacking(self, at: Linearised, where: dict[str, slice], sizes: Sizes) -> Reals:
-        """Return the covariance of changes in the device by usual drift beyond the drift found, shape (P, P)."""
+    def _of_drift(self, at: Linearised) -> Reals:
+        """Return the covariance of changes in the device by the usual drift, which they include, shape (P, P)."""
         share = self._shares(at)
-        lacking = [max(_USUAL_DRIFT - size, 0.0) for size in (sizes.drift, sizes.wander)]
-        usual = np.repeat(lacking, [where[name].stop - where[name].start for name in ("drift", "wander")])
-        return (share * usual**2) @ share.T
+        return _USUAL_DRIFT**2 * share @ share.T
 
     def _of_set_up(self, at: Linearised) -> Complexes:
         """Return the residual of another fixture where something was put in or taken out, shape (N, M).
@@ -410,12 +407,19 @@ class PairErrors:
         return self._fixture(self.pair.after)[:, : None if at.exact else 0]
 
     def _shares(self, at: Linearised) -> Reals:
-        """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""
+        """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M).
+
+        Only drift of the same kind counts: a change of strength includes no drift of the frequencies, although it
+        imitates some of it.
+        """
         drift = np.asarray(np.hstack(list(self._drift.columns(at.through, at.each).values())), np.complex128)
         made = np.zeros((at.x.size, drift.shape[1]))
         own = list(at.inside)
         if own:
-            made[own] = _beside(drift, at.slopes[:, own], 1 / self.points(at).noise)[1]
+            inverse = 1 / self.points(at).noise
+            beside, made[own] = _beside(drift, at.slopes[:, own], inverse)
+            left, whole = (np.linalg.norm(columns * inverse[:, None], axis=0) for columns in (beside, drift))
+            made[:, left**2 > _IMITATED * whole**2] = 0.0
         return made
 
     def shortfall(self, at: Linearised, outcome: Outcome) -> float:
