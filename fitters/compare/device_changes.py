@@ -109,9 +109,8 @@ class NewResonance:
     def act(self, Z: Impedances, own: Resonances, frequency: Frequencies, values: Values) -> State:
         """Return Z in parallel with a branch of L, C and R whose peak is `strength` Q times the usual admittance."""
         f0, q = values["frequency"], values["Q"]
-        pole = f0 * complex(-1 / (2 * q), np.sqrt(max(1 - 1 / (4 * q**2), 0.0)))
-        residue = values["strength"] * self.scale * f0 / 2 * pole / (1j * pole.imag)
-        branch = pole_terms(frequency, np.array([pole]), np.array([residue]))[:, 0]
+        detuned = frequency / f0 - f0 / frequency
+        branch = values["strength"] * self.scale * q / (1 + 1j * q * detuned)
         return 1 / (1 / Z + branch), own
 
 
