@@ -10,19 +10,19 @@ from ...models.build import Build
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import NAMED
 from ..diagnosis.findings import Remaining
-from .change_findings import findings_of, turned_in_file
+from .answer.change_findings import findings_of, turned_in_file
+from .answer.limits import limits, repeatability
+from .answer.shifts import resonance_shifts
+from .answer.verdict import SURE, Told, alike_with_best, decided, is_usual, probable, simplest, substantial
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy
-from .device_changes import device_changes
+from .errors.pair_errors import INSTRUMENT, PairErrors
+from .hypotheses.misfit import chi2, errors_beside, held_out, held_out_chi2
+from .hypotheses.search import Searched, search
+from .known_changes.device_changes import device_changes
+from .known_changes.two_ports import two_ports
 from .levels.drive_levels import driven
-from .limits import limits, repeatability
-from .misfit import chi2, errors_beside, held_out, held_out_chi2
 from .pair import Pair, pair_of, righted
-from .pair_errors import INSTRUMENT, PairErrors
 from .resonances import Resonances, fitted_poles, resonances_of
-from .search import Searched, search
-from .shifts import resonance_shifts
-from .two_ports import two_ports
-from .verdict import SURE, Told, alike_with_best, decided, is_usual, probable, simplest, substantial
 from .with_build.build_changes import model_changes, step_before
 from .with_build.found_device import FoundDevice
 from .with_build.model_change import ModelChange

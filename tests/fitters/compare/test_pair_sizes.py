@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pzctl.fitters.compare.pair_sizes import log_densities, log_density
+from pzctl.fitters.compare.errors.pair_sizes import log_densities, log_density
 
 
 @pytest.mark.parametrize("indefinite", [False, True])

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from pzctl.fitters.compare.known_changes.two_ports import TwoPort, coil, two_ports
 from pzctl.fitters.compare.levels.amplitude_law import bent
 from pzctl.fitters.compare.many import random_effects
 from pzctl.fitters.compare.pair import pair_of
 from pzctl.fitters.compare.resonances import Resonances, changed
-from pzctl.fitters.compare.two_ports import TwoPort, coil, two_ports
 from pzctl.models.sweep import Sweep
 
 F = np.linspace(1e5, 1e7, 50)

@@ -4,18 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...models.base.arrays import Reals
-from ...models.base.true_runs import true_runs
-from ..diagnosis.findings import Alternative, Bands, Size
-from .comparison import ChangeFinding
-from .fit import fitted
-from .hypothesis import Change, Fitted, Hypothesis
-from .misfit import chi2, errors_beside, held_out_chi2, predicted_without
-from .pair import Pair
-from .pair_errors import PairErrors
-from .search import Searched
-from .two_ports import TwoPort
-from .with_build.model_change import ModelChange
+from ....models.base.arrays import Reals
+from ....models.base.true_runs import true_runs
+from ...diagnosis.findings import Alternative, Bands, Size
+from ..comparison import ChangeFinding
+from ..errors.pair_errors import PairErrors
+from ..hypotheses.fit import fitted
+from ..hypotheses.hypothesis import Change, Fitted, Hypothesis
+from ..hypotheses.misfit import chi2, errors_beside, held_out_chi2, predicted_without
+from ..hypotheses.search import Searched
+from ..known_changes.two_ports import TwoPort
+from ..pair import Pair
+from ..with_build.model_change import ModelChange
 
 
 def findings_of(

@@ -24,13 +24,14 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dpotrs
 
-from ...models.base.arrays import Complexes, Impedances, Reals, j_omega
-from ...models.circuits.terminals import skin
-from ..error_model.point_covariance import Kernel, PointErrors, spread_of_variance
-from ..error_model.prior_scales import FIXTURE
-from ..error_model.smooth_basis import smooth
+from ....models.base.arrays import Complexes, Impedances, Reals, j_omega
+from ....models.circuits.terminals import skin
+from ...error_model.point_covariance import Kernel, PointErrors, spread_of_variance
+from ...error_model.prior_scales import FIXTURE
+from ...error_model.smooth_basis import smooth
+from ..pair import Pair
+from ..resonances import Resonances, slope_of
 from .drift import Drift, DriftPoint
-from .pair import Pair
 from .pair_sizes import (
     RESTS,
     USUAL,
@@ -42,7 +43,6 @@ from .pair_sizes import (
     posterior_of,
     scale_of,
 )
-from .resonances import Resonances, slope_of
 
 INSTRUMENT = 1e-3
 """Gain (ln |Z|) and phase (rad) of an analyzer."""

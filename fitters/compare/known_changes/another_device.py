@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
-from ...models.sweep import Sweep
-from ..diagnosis.data_quality.pole_fit import Frame, PoleFit, fit_poles
-from .change import DEVICE, ChangeSize, Values
-from .pair import Pair
-from .pair_errors import Linearised, Outcome, PairErrors
-from .resonances import Resonances, changed, resonances_of
+from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals
+from ....models.sweep import Sweep
+from ...diagnosis.data_quality.pole_fit import Frame, PoleFit, fit_poles
+from ..change import DEVICE, ChangeSize, Values
+from ..errors.pair_errors import Linearised, Outcome, PairErrors
+from ..pair import Pair
+from ..resonances import Resonances, changed, resonances_of
 
 ANOTHER = "another-device"
 DEVICES_OF_A_KIND = (

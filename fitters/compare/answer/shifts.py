@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Impedances, Reals
-from ..diagnosis.data_quality.pole_fit import PoleFit
-from .comparison import ResonanceShift
-from .pair import Pair
-from .resonances import resonances_of
+from ....models.base.arrays import Complexes, Impedances, Reals
+from ...diagnosis.data_quality.pole_fit import PoleFit
+from ..comparison import ResonanceShift
+from ..pair import Pair
+from ..resonances import resonances_of
 
 _NEAR = 3.0
 """Distance within which two poles are the same, in half widths of the wider one or in per cent of the frequency."""

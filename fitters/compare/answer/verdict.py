@@ -5,21 +5,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..diagnosis.decision_rules import CLASS_NATS, NAMED
-from .another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
-from .change import TERMINALS
+from ...diagnosis.decision_rules import CLASS_NATS, NAMED
+from ..change import TERMINALS
+from ..comparison import Verdict
+from ..errors.drift import STRENGTH
+from ..errors.pair_errors import INSTRUMENT, PairErrors
+from ..errors.pair_sizes import USUAL
+from ..hypotheses.hypothesis import Fitted
+from ..hypotheses.misfit import predicted_without
+from ..hypotheses.search import Searched, nothing_in_common
+from ..known_changes.another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
+from ..known_changes.device_changes import Scaled
+from ..levels.drive_levels import AmplitudeDependent
+from ..pair import Pair
+from ..with_build.model_change import ModelChange
 from .change_findings import fit_without, probability_of
-from .comparison import Verdict
-from .device_changes import Scaled
-from .drift import STRENGTH
-from .hypothesis import Fitted
-from .levels.drive_levels import AmplitudeDependent
-from .misfit import predicted_without
-from .pair import Pair
-from .pair_errors import INSTRUMENT, PairErrors
-from .pair_sizes import USUAL
-from .search import Searched, nothing_in_common
-from .with_build.model_change import ModelChange
 
 _EXPLAINED = 0.1
 """Largest remainder, relative to the change (root mean square), of an explained change: 99 % of its power."""

@@ -7,15 +7,15 @@ from math import exp, log
 
 import numpy as np
 
-from ...models.base.arrays import Reals
-from ..diagnosis.data_quality.pole_fit import PoleFit
-from ..diagnosis.decision_rules import COARSENED
-from .another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
+from ....models.base.arrays import Reals
+from ...diagnosis.data_quality.pole_fit import PoleFit
+from ...diagnosis.decision_rules import COARSENED
+from ..errors.pair_errors import PairErrors
+from ..errors.pair_sizes import USUAL
+from ..known_changes.another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
+from ..with_build.model_change import ModelChange
 from .fit import fitted, plain_fit, plain_misfit, screened
 from .hypothesis import Change, Fitted, Hypothesis
-from .pair_errors import PairErrors
-from .pair_sizes import USUAL
-from .with_build.model_change import ModelChange
 
 _TRIED = 2
 """Number of starts that are followed."""

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Impedances, Reals
-from .another_device import EveryResonance
-from .change import TERMINALS
-from .device_changes import DeviceChange, NewResonance
-from .levels.drive_levels import AmplitudeDependent
-from .pair_errors import Linearised, Outcome, PairErrors
-from .resonances import Resonances
-from .two_ports import Turned, TwoPort
-from .with_build.found_device import Step
-from .with_build.model_change import ModelChange
+from ....models.base.arrays import Complexes, Impedances, Reals
+from ..change import TERMINALS
+from ..errors.pair_errors import Linearised, Outcome, PairErrors
+from ..known_changes.another_device import EveryResonance
+from ..known_changes.device_changes import DeviceChange, NewResonance
+from ..known_changes.two_ports import Turned, TwoPort
+from ..levels.drive_levels import AmplitudeDependent
+from ..resonances import Resonances
+from ..with_build.found_device import Step
+from ..with_build.model_change import ModelChange
 
 _STEP = 1e-4
 _IMPOSSIBLE = 1e6

@@ -7,8 +7,8 @@ from math import log
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
 
-from ...models.base.arrays import Complexes, Reals
-from ..error_model.point_covariance import Kernel, PointErrors, in_noise
+from ....models.base.arrays import Complexes, Reals
+from ...error_model.point_covariance import Kernel, PointErrors, in_noise
 
 _RIDGES = (0.0, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 _FAR_BELOW = 30.0

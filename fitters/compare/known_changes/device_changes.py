@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_lsq_spline
 
-from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
-from .change import DEVICE, ChangeSize, Values
-from .levels.drive_levels import AmplitudeDependent
-from .pair import Pair
-from .resonances import Resonances, State, changed, pole_terms, slope_of
+from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals
+from ..change import DEVICE, ChangeSize, Values
+from ..levels.drive_levels import AmplitudeDependent
+from ..pair import Pair
+from ..resonances import Resonances, State, changed, pole_terms, slope_of
 
 _MOST = 8
 """Number of resonances tried as the only changed one. A budget."""

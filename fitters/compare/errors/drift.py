@@ -10,10 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Impedances, Reals
-from ..error_model.smooth_basis import smooth
-from .pair import Pair
-from .resonances import Resonances, changed, pole_terms, slope_of
+from ....models.base.arrays import Complexes, Impedances, Reals
+from ...error_model.smooth_basis import smooth
+from ..pair import Pair
+from ..resonances import Resonances, changed, pole_terms, slope_of
 
 _STEP = 1e-6
 _LENGTH, _LOSSES = 0.1, 0.3

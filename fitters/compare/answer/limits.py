@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, j_omega
-from ..diagnosis.findings import Size
-from .comparison import Limit, Repeatability
-from .hypothesis import Fitted
-from .pair import Pair
-from .pair_errors import PairErrors
+from ....models.base.arrays import Complexes, j_omega
+from ...diagnosis.findings import Size
+from ..comparison import Limit, Repeatability
+from ..errors.pair_errors import PairErrors
+from ..hypotheses.hypothesis import Fitted
+from ..pair import Pair
 
 _BANDS = 8
 _AT_95 = 1.96

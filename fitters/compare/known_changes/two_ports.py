@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
-from ...models.circuits.terminals import skin
-from .change import TERMINALS, ChangeSize, Values
+from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from ....models.circuits.terminals import skin
+from ..change import TERMINALS, ChangeSize, Values
 
 VELOCITY = 2e8
 """m/s, of a wave in polyethylene; only length/velocity can be determined."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models.base.arrays import Reals
+from ....models.base.arrays import Reals
+from ..errors.pair_errors import Linearised, Outcome, PairErrors
+from ..errors.pair_sizes import RESTS, USUAL, Sizes
 from .hypothesis import BOUND, Fitted, Hypothesis, State
-from .pair_errors import Linearised, Outcome, PairErrors
-from .pair_sizes import RESTS, USUAL, Sizes
 
 _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""

@@ -1,0 +1,1 @@
+"""Sets of changes, their fits to a pair, and the search among them."""
