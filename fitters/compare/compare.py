@@ -15,7 +15,8 @@ from .answer.limits import limits, repeatability
 from .answer.shifts import resonance_shifts
 from .answer.verdict import SURE, Told, alike_with_best, decided, is_usual, probable, simplest, substantial
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy
-from .errors.pair_errors import INSTRUMENT, PairErrors
+from .errors.instrument_errors import INSTRUMENT
+from .errors.pair_errors import PairErrors
 from .hypotheses.misfit import chi2, errors_beside, held_out, held_out_chi2
 from .hypotheses.search import Searched, search
 from .known_changes.device_changes import device_changes

@@ -10,7 +10,8 @@ from ...diagnosis.findings import Alternative, Bands, Size
 from ..comparison import ChangeFinding
 from ..errors.pair_errors import PairErrors
 from ..hypotheses.fit import fitted
-from ..hypotheses.hypothesis import Change, Fitted, Hypothesis
+from ..hypotheses.fitted import Fitted
+from ..hypotheses.hypothesis import Change, Hypothesis
 from ..hypotheses.misfit import chi2, errors_beside, held_out_chi2, predicted_without
 from ..hypotheses.search import Searched
 from ..known_changes.two_ports import TwoPort

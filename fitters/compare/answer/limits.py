@@ -8,7 +8,7 @@ from ....models.base.arrays import Complexes, j_omega
 from ...diagnosis.findings import Size
 from ..comparison import Limit, Repeatability
 from ..errors.pair_errors import PairErrors
-from ..hypotheses.hypothesis import Fitted
+from ..hypotheses.fitted import Fitted
 from ..pair import Pair
 
 _BANDS = 8

@@ -9,9 +9,10 @@ from ...diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..change import TERMINALS
 from ..comparison import Verdict
 from ..errors.drift import STRENGTH
-from ..errors.pair_errors import INSTRUMENT, PairErrors
+from ..errors.instrument_errors import INSTRUMENT
+from ..errors.pair_errors import PairErrors
 from ..errors.pair_sizes import USUAL
-from ..hypotheses.hypothesis import Fitted
+from ..hypotheses.fitted import Fitted
 from ..hypotheses.misfit import predicted_without
 from ..hypotheses.search import Searched, nothing_in_common
 from ..known_changes.another_device import ANOTHER, DEVICES_OF_A_KIND, NOTHING_IN_COMMON
@@ -49,9 +50,8 @@ def is_usual(errors: PairErrors, fit: Fitted, k: int) -> bool:
     pair = errors.pair
     moved = np.abs(np.log(fit.at.predicted / predicted_without(fit, k)))
     drift = _DRIFT * np.abs(fit.errors.slope)
-    usual = np.sqrt(
-        (2 * INSTRUMENT) ** 2 + drift**2 + errors.of_fixture(pair.after) ** 2 + errors.of_calibration() ** 2
-    )
+    of = errors.instrument
+    usual = np.sqrt((2 * INSTRUMENT) ** 2 + drift**2 + of.of_fixture(pair.after) ** 2 + of.of_calibration() ** 2)
     return bool(np.mean(moved > usual) < _FEW)
 
 

@@ -16,22 +16,21 @@ part, from grids with prior probabilities; a rest beyond `USUAL_REST` is somethi
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from math import log
-from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpotrs
 
-from ....models.base.arrays import Complexes, Impedances, Reals, j_omega
-from ....models.circuits.terminals import skin
+from ....models.base.arrays import Complexes, Impedances, Reals
 from ...error_model.point_covariance import Kernel, PointErrors, spread_of_variance
-from ...error_model.prior_scales import FIXTURE
 from ...error_model.smooth_basis import smooth
 from ..pair import Pair
 from ..resonances import Resonances, slope_of
 from .drift import Drift, DriftPoint
+from .instrument_errors import InstrumentErrors
+from .linearised import Linearised, Outcome
 from .pair_sizes import (
     RESTS,
     USUAL,
@@ -44,23 +43,7 @@ from .pair_sizes import (
     scale_of,
 )
 
-INSTRUMENT = 1e-3
-"""Gain (ln |Z|) and phase (rad) of an analyzer."""
-_LEVEL = 1.5e-3
-"""Error of gain or phase common to all frequencies: cables, range and connectors of the day."""
-_REFERENCE = 50.0
-"""Of a network analyzer, ohm."""
-_UNSTABLE = 30.0
-"""Change of a network analyzer's errors between two recordings, relative to the noise of its reflection: 0.01 dB for
-each of some kelvins, beside 0.002 dB of trace noise."""
 _SAME = 1e-9
-_STEP = 1e-6
-_SLOW, _FAST, _QUICK = 1.0, 0.25, 0.15
-"""Correlation lengths of gain and phase in ln f, and the fraction of the shorter one."""
-_DRIFT_LENGTH, _LOSSES = 0.1, 0.3
-"""Resonances further apart than this in ln f drift independently; drift of 1/(2 Q) relative to that of ln f."""
-_DAMPING = 100.0
-"""Smallest drift of ln Q relative to that of ln f: one per cent beside 1e-4."""
 _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
 """Rest far from resonances, relative to that where a frequency shift moves ln Z by twice as much."""
@@ -75,65 +58,6 @@ _NEGLIGIBLE = 1e-3
 """Probability of sizes of the errors below which they are left out of an average."""
 
 
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """A hypothesis about a pair, linearised at one point: its prediction and derivatives."""
-
-    predicted: Impedances
-    through: Complexes
-    """d ln Z predicted / d ln Z before, shape (N,)."""
-    slopes: Complexes
-    """d ln Z predicted / d coordinate, shape (N, P); each coordinate has a unit normal prior."""
-    shapes: Complexes
-    """d ln Z predicted / d ln of each change's main size, shape (N, K)."""
-    x: Reals
-    """The coordinates, shape (P,)."""
-    inside: tuple[int, ...]
-    """Mask of the coordinates of changes in the device."""
-    frequency: Reals
-    """Hz, shape (N,)."""
-    each: Complexes | None = None
-    """For changes in the device: derivatives by ln frequency, ln Q, ln strength of each resonance before, (N, 3P)."""
-    model: Complexes | None = None
-    """Errors of ln Z predicted by the model of a build's device, each of a unit normal prior, shape (N, K)."""
-    offset: Reals | None = None
-    """Their coefficients about which the model is linearised, shape (K,)."""
-    formula: Reals | None = None
-    """Coefficients of the errors of the changes' formulas about which they are linearised; None for zeros."""
-    exact: tuple[bool, ...] = ()
-    """Of each change with sizes, whether the error of its formula is known beyond first order."""
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """The evidence of a pair for a hypothesis, errors and coordinates integrated out."""
-
-    log_evidence: float
-    """Ln evidence, summed over the sizes of the rest."""
-    usual: float
-    """Fraction of the evidence with a rest of usual size."""
-    sizes: Sizes
-    """The most probable."""
-    x: Reals
-    """Posterior mean of the coordinates, shape (P,), by one step from the point of linearisation."""
-    covariance: Reals
-    """Covariance of the coordinates, shape (P, P)."""
-    cost: float
-    """chi2 of the pair and all priors at these sizes."""
-    left: Complexes
-    """Residual that only rest and noise describe, shape (N,)."""
-    total: Reals
-    """The coordinates including the part imitated by drift, shape (P,)."""
-    moved: Reals
-    """Drift of each resonance in ln frequency, then in ln Q, then in ln strength, shape (3P,)."""
-    model: Reals
-    """Coefficients of the errors of a build's device, shape (K,)."""
-    formula: Reals
-    """Coefficients of the errors of the changes' formulas, shape (K,)."""
-    imitated: Reals
-    """Part of the coordinates that these errors imitate: `x` is a size with it, shape (P,) for each, (P, K)."""
-
-
 class PairErrors:
     """Quantities common to all hypotheses about a pair."""
 
@@ -142,14 +66,10 @@ class PairErrors:
         self.recorded, self.resonances = pair, resonances
         self._drift = Drift(pair, resonances, point or DriftPoint())
         self.pair, self.own, self.slope = self._drift.pair, self._drift.own, self._drift.slope
-        f, u = pair.frequency, pair.log_f
+        u = pair.log_f
         ends = float(u[0]), float(u[-1])
-        span = max(ends[1] - ends[0], 1e-6)
-        slow = smooth(u, ends, _SLOW, 4)
-        fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 6)
-        self._gain = INSTRUMENT * np.column_stack([slow, fast])
         self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
-        self._jw, self._skin = j_omega(f), skin(f)
+        self.instrument = InstrumentErrors(self.pair)
         self._felt = np.sqrt(_FLOOR**2 + np.abs(self.slope) ** 2 / 4)
 
     @cached_property
@@ -203,14 +123,10 @@ class PairErrors:
 
     def columns(self, at: Linearised) -> tuple[Complexes, dict[str, slice]]:
         """Return the residual and all columns that are integrated out, shape (N, 1 + P + M), with their kinds."""
-        pair, s, Z = self.pair, at.through, self.pair.after
-        gain = np.hstack([self._gain, 1j * self._gain])
-        level = _LEVEL * np.array([[1, 1j]]) * np.ones_like(s)[:, None]
-        groups: dict[str, Any] = {
+        pair = self.pair
+        groups: dict[str, Complexes] = {
             "x": at.slopes,
-            "level": level if np.all(np.abs(s - 1) < _SAME) else np.hstack([level, level * (s - 1)[:, None]]),
-            "instrument": np.hstack([gain, gain * (s - 1)[:, None]]) if np.any(np.abs(s - 1) > _SAME) else gain,
-            "fixture": self._fixture(Z),
+            **self.instrument.columns(at.through),
             **self._drift.columns(at.through, at.each),
         }
         if at.model is not None:
@@ -250,28 +166,6 @@ class PairErrors:
         """Return the relative errors of the changes' main sizes over frequency, shape (N, K)."""
         parts = coefficients.reshape(-1, 2, self._shape.shape[1])
         return np.asarray(self._shape @ (parts[:, 0] + 1j * parts[:, 1]).T, np.complex128)
-
-    def of_fixture(self, Z: Impedances) -> Reals:
-        """Return the standard deviation of ln Z that two fixtures' residuals cause, shape (N,)."""
-        return np.asarray(np.sqrt(2) * np.linalg.norm(self._fixture(Z), axis=1), np.float64)
-
-    def _fixture(self, Z: Impedances) -> Complexes:
-        one, jw = np.ones_like(Z), self._jw
-        series = np.column_stack(
-            [jw * FIXTURE["inductance"], one * FIXTURE["resistance"], self._skin * FIXTURE["skin"]]
-        )
-        shunt = np.column_stack([jw * FIXTURE["capacitance"], one * FIXTURE["conductance"]])
-        return np.hstack([series / Z[:, None], -shunt * Z[:, None]])
-
-    def of_calibration(self) -> Reals:
-        """Return the standard deviation of ln Z by what moves between two recordings of a network analyzer, shape (N,).
-
-        Directivity, tracking and source match add e00 + e01 S + e11 S^2 to the reflection S. Each is as stable as
-        cables and connectors are, to some times the noise. Zeros if the noise is not that of a network analyzer.
-        """
-        Z, S = self.pair.after, (self.pair.after - _REFERENCE) / (self.pair.after + _REFERENCE)
-        moved = _UNSTABLE * self.pair.reflection * np.sqrt(1 + np.abs(S) ** 2 + np.abs(S) ** 4)
-        return np.asarray(moved * np.abs((Z + _REFERENCE) ** 2 / (2 * _REFERENCE * Z)), np.float64)
 
     def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
         """Return the noise of each point: of both recordings, and the part of a drift beyond its column."""
@@ -404,7 +298,7 @@ class PairErrors:
 
         The terminals are opened for it, so that each recording has a residual of its own: this is the second one.
         """
-        return self._fixture(self.pair.after)[:, : None if at.exact else 0]
+        return self.instrument.fixture(self.pair.after)[:, : None if at.exact else 0]
 
     def _shares(self, at: Linearised) -> Reals:
         """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M).

@@ -6,9 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ..errors.pair_errors import Linearised, Outcome, PairErrors
+from ..errors.linearised import Linearised, Outcome
+from ..errors.pair_errors import PairErrors
 from ..errors.pair_sizes import RESTS, USUAL, Sizes
-from .hypothesis import BOUND, Fitted, Hypothesis, State
+from .fitted import Fitted
+from .hypothesis import BOUND, Hypothesis, State
 
 _FURTHEST = 1.0
 """Longest step of a coordinate at once, standard deviations of its prior."""

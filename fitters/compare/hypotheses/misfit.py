@@ -8,7 +8,7 @@ import numpy as np
 from ....models.base.arrays import Impedances
 from ..errors.pair_errors import PairErrors
 from ..errors.pair_sizes import USUAL_REST, Sizes
-from .hypothesis import Fitted
+from .fitted import Fitted
 
 _BLOCKS, _HELD = 11, (3, 8)
 """Of eleven contiguous blocks, those held out to validate an explanation."""

@@ -15,7 +15,8 @@ from ..errors.pair_sizes import USUAL
 from ..known_changes.another_device import ODDS, every_resonance, log_odds_of_nothing_in_common
 from ..with_build.model_change import ModelChange
 from .fit import fitted, plain_fit, plain_misfit, screened
-from .hypothesis import Change, Fitted, Hypothesis
+from .fitted import Fitted
+from .hypothesis import Change, Hypothesis
 
 _TRIED = 2
 """Number of starts that are followed."""

@@ -18,7 +18,8 @@ from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ....models.sweep import Sweep
 from ...diagnosis.data_quality.pole_fit import Frame, PoleFit, fit_poles
 from ..change import DEVICE, ChangeSize, Values
-from ..errors.pair_errors import Linearised, Outcome, PairErrors
+from ..errors.linearised import Linearised, Outcome
+from ..errors.pair_errors import PairErrors
 from ..pair import Pair
 from ..resonances import Resonances, changed, resonances_of
 
