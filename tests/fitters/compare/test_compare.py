@@ -99,6 +99,39 @@ def test_changes_in_the_device_are_named(change: dict[str, float], effect: str, 
     assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
 
 
+def test_a_new_resonance_has_the_frequency_and_the_q_of_its_branch() -> None:
+    frequency, q = (changed(other=2e-12).findings[0].parameters[name] for name in ("frequency", "Q"))
+    assert frequency.value == pytest.approx(1.2e6, abs=4 * frequency.u)
+    assert frequency.u < 50
+    assert q.value == pytest.approx(80, rel=0.02)
+
+
+def test_a_change_of_strength_includes_no_drift_of_the_frequencies() -> None:
+    found = compare([recorded(device(), 1)], [recorded(device(strength=0.8, shift=1.0004), 2)])
+    (finding,) = found.findings
+    strength = finding.parameters["ln strength"]
+    assert finding.effect == "strength"
+    assert strength.value == pytest.approx(np.log(0.8), abs=3 * strength.u)
+    assert strength.u < 5e-3
+
+
+def test_a_change_in_the_device_is_known_no_better_than_the_usual_drift() -> None:
+    assert changed(shift=0.997).findings[0].parameters["shift"].u == pytest.approx(1e-4, rel=0.5)
+
+
+def test_a_network_analyzer_whose_calibration_moved_has_recorded_no_change() -> None:
+    f, rng = np.linspace(0.7e6, 0.95e6, 101), np.random.default_rng(7)
+
+    def reflected(match: float) -> Sweep:
+        S = (device(f) - 50) / (device(f) + 50)
+        S = S + 1e-3 + match * S**2 + 5e-5 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+        return Sweep(f, 50 * (1 + S) / (1 - S))
+
+    found = compare([reflected(2e-3)], [reflected(3.2e-3)])
+    assert found.verdict == "unchanged"
+    assert not found.findings
+
+
 def test_two_different_devices_are_not_described_as_changes_of_one() -> None:
     rng = np.random.default_rng(4)
     Y = JW * 4e-10 * (1 - 0.01j)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pzctl.fitters.compare.known_changes.device_changes import NewResonance, device_changes
 from pzctl.fitters.compare.known_changes.two_ports import TwoPort, coil, two_ports
 from pzctl.fitters.compare.levels.amplitude_law import bent
 from pzctl.fitters.compare.many import random_effects
@@ -79,6 +80,20 @@ def test_a_shifted_pole_remains_an_rlc_branch() -> None:
     np.testing.assert_allclose(Resonances(pole, residue).seen(F)[:, 0], branch(3.0, 50.0, 2e-3), rtol=1e-9)
     moved = Resonances(*changed(pole, residue, np.log(1.02), np.log(0.5), np.log(0.9)))
     np.testing.assert_allclose(moved.seen(F)[:, 0], branch(3.06, 25.0, 1.8e-3), rtol=1e-9)
+
+
+@pytest.mark.parametrize("q", [50.0, 0.4])
+def test_a_new_resonance_is_a_branch_of_inductance_capacitance_and_resistance(q: float) -> None:
+    pair = pair_of([Sweep(F, Z)], [Sweep(F, Z)])
+    new = next(
+        one
+        for one in device_changes(pair, Resonances(np.zeros(0, complex), np.zeros(0, complex)))
+        if isinstance(one, NewResonance)
+    )
+    after, _ = new.act(Z, new.resonances, F, {"frequency": 3e6, "Q": q, "strength": 2.0})
+    L = 1 / (2 * np.pi * 3e6 * 2.0 * new.scale)
+    branch = 2j * np.pi * F * L + 1 / (2j * np.pi * F / ((2 * np.pi * 3e6) ** 2 * L)) + 2 * np.pi * 3e6 * L / q
+    np.testing.assert_allclose(1 / after - 1 / Z, 1 / branch, rtol=1e-9)
 
 
 def test_interpolation_to_a_finer_grid_states_its_error() -> None:

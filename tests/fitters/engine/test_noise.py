@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pzctl.fitters.engine.noise import noise_from_repeats, noise_from_smoothness, noise_of
+from pzctl.fitters.engine.noise import noise_from_repeats, noise_from_smoothness, noise_of, reflection_noise
 from pzctl.models.sweep import Sweep
 
 F = np.linspace(1e6, 9e6, 801)
@@ -50,3 +50,12 @@ def test_the_source_is_named() -> None:
     assert noise_of([short])[0].source == "analyzer accuracy"
     told = Sweep(F[:10], sweep.impedance[:10], {"accuracy_relative": [0.001 * k for k in range(1, 11)]})
     np.testing.assert_array_equal(noise_of([told])[1][0], told.settings["accuracy_relative"])
+
+
+def test_the_noise_of_a_network_analyzer_is_that_of_its_reflection() -> None:
+    bridge, clean = disk_sweep(1e-3, 5), disk_sweep(0.0, 0)
+    rng = np.random.default_rng(6)
+    S = (clean.impedance - 50) / (clean.impedance + 50) + 1e-4 * (rng.normal(size=801) + 1j * rng.normal(size=801))
+    analyzer = Sweep(F, 50 * (1 + S) / (1 - S))
+    assert reflection_noise([analyzer, analyzer]) == pytest.approx(1e-4, rel=0.1)
+    assert reflection_noise([bridge, bridge]) == 0.0, "it is proportional to |Z|"
