@@ -2,8 +2,8 @@
 
 Run by hand: `pytest tests/benchmarks/test_compare.py -s`. It can also run in resumable parts, one line of a file per
 pair: `python tests/benchmarks/test_compare.py results.jsonl SEED`; a further run with the same file continues and
-prints the tables of the pairs so far. Developed on seeds 1 to 3, 11, 101, 102, 301 and 302; the reported figures are
-those of seeds 2031 and 2032, of all pairs.
+prints the tables of the pairs so far. Developed on seeds 1 to 3, 11, 101, 102 and 301 to 306; the reported figures
+are those of seeds 2031 to 2033, of all pairs.
 """
 
 import json
