@@ -2,21 +2,24 @@
 
 Run by hand: `pytest tests/benchmarks/test_compare.py -s`. It can also run in resumable parts, one line of a file per
 pair: `python tests/benchmarks/test_compare.py results.jsonl SEED`; a further run with the same file continues and
-prints the tables of the pairs so far. Developed on seeds 1 to 3, 11, 101, 102 and 301 to 306; the reported figures
-are those of seeds 2031 to 2033, of all pairs.
+prints the tables of the pairs so far. With `users` as third word, it compares pairs as users bring them, and as simple
+instruments write them. Developed on seeds 1 to 3, 11, 101, 102 and 301 to 306; the reported figures are those of seeds
+2031 to 2033, of all pairs.
 """
 
 import json
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from compare_bench import from_others
 from compare_components import with_components
+from compare_instruments import instruments
 from compare_judge import line_of, table
+from compare_stand_ins import stand_ins
 from compare_world import RECORDINGS, MadePair, at_terminals, in_device
 
 from pzctl.fitters.compare.compare import compare
@@ -58,11 +61,17 @@ def every_pair(seed: int) -> Iterator[tuple[str, MadePair]]:
     yield from ((world, pair) for _, world, pair in sorted(placed, key=lambda one: one[:2]))
 
 
-def in_the_background(results: Path, seed: int) -> None:
+def of_users(seed: int) -> Iterator[tuple[str, MadePair]]:
+    """Yield pairs as users bring them, and as simple instruments write them."""
+    for world, pairs in (("stand-ins", stand_ins(seed)), ("instruments", instruments(seed))):
+        yield from ((world, pair) for pair in pairs)
+
+
+def in_the_background(results: Path, seed: int, pairs: Callable[[int], Iterator[tuple[str, MadePair]]]) -> None:
     """Compare the pairs without a line in the file, and print the table of each world."""
     lines = [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
     with results.open("a") as file:
-        for world, pair in list(every_pair(seed))[len(lines) :]:
+        for world, pair in list(pairs(seed))[len(lines) :]:
             lines.append(compared(world, pair))
             print(json.dumps(lines[-1]), file=file, flush=True)
     for world in dict.fromkeys(one["world"] for one in lines):
@@ -95,4 +104,5 @@ def test_pairs_of_another_laboratory() -> None:
 
 
 if __name__ == "__main__":
-    in_the_background(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else SEED)
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else SEED
+    in_the_background(Path(sys.argv[1]), seed, of_users if "users" in sys.argv else every_pair)

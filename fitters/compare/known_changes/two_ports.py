@@ -17,6 +17,8 @@ VELOCITY = 2e8
 """m/s, of a wave in polyethylene; only length/velocity can be determined."""
 _CABLES = 15.0, 400.0
 """Characteristic impedances of cables, ohm."""
+_LEADS = 3e-6
+"""Inductance of three metres of wire, H."""
 _USUAL = 0.03
 """Prior odds of each of about twenty elements, assuming one change in every third pair."""
 
@@ -129,6 +131,11 @@ def _is_coil(f: Frequencies, v: Values) -> bool:
     return _is_inductive(f, v) and bool(f[0] < 1 / (2 * np.pi * np.sqrt(v["inductance"] * v["own capacitance"])))
 
 
+def _is_lead(f: Frequencies, v: Values) -> bool:
+    """Return whether an inductance is that of a lead: not more than some metres of wire have, else it is a coil."""
+    return _is_inductive(f, v) and v["inductance"] < _LEADS
+
+
 def _is_inductive(f: Frequencies, v: Values) -> bool:
     """Return whether the inductance exceeds the resistance at the upper end of the band: else it is a resistance."""
     return bool(2 * np.pi * f[-1] * v["inductance"] > v["resistance"])
@@ -189,7 +196,7 @@ _ELEMENTS = (
         _lead,
         "A series inductance was put in: a wire, a clip, a longer lead.",
         "A series inductance is gone: a wire, a clip, a longer lead.",
-        possible=_is_inductive,
+        possible=_is_lead,
     ),
     TwoPort(
         "series-resistance",

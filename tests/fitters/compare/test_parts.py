@@ -41,6 +41,13 @@ def test_a_resistance_is_no_lead_and_no_coil() -> None:
         assert not one.possible(F, values | {"resistance": 10.0}), "2 pi 10 MHz 0.1 uH is 6 ohm"
 
 
+def test_an_inductance_of_many_metres_of_wire_is_a_coil() -> None:
+    lead = next(one for one in two_ports() if one.effect == "lead-inductance")
+    assert isinstance(lead, TwoPort)
+    assert lead.possible is not None
+    assert [lead.possible(F, {"inductance": L, "resistance": 0.1}) for L in (1e-6, 7e-6)] == [True, False]
+
+
 def test_a_cable_has_the_impedance_of_cables() -> None:
     cable = next(one for one in two_ports() if one.effect == "cable")
     assert isinstance(cable, TwoPort)
