@@ -29,6 +29,7 @@ from ...error_model.smooth_basis import smooth
 from ..pair import Pair
 from ..resonances import Resonances, slope_of
 from .drift import Drift, DriftPoint
+from .imitation import USUAL_DRIFT, beside, shares_of_drift
 from .instrument_errors import InstrumentErrors
 from .linearised import Linearised, Outcome
 from .pair_sizes import (
@@ -47,15 +48,10 @@ _SAME = 1e-9
 _SHAPE_LENGTH = 1.0
 _FLOOR = 0.5
 """Rest far from resonances, relative to that where a frequency shift moves ln Z by twice as much."""
-_USUAL_DRIFT = 1e-4
 _FLAT, _STEEP = 3e-3, 3e-4
 """Errors with which a start is sought: of ln Z, and a drift."""
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that chance exceeds in one recording of twenty."""
-_IMITATED = 0.5
-"""Part of a drift's power that a change in the device may leave if it is to include the drift."""
-_NEGLIGIBLE = 1e-3
-"""Probability of sizes of the errors below which they are left out of an average."""
 
 
 class PairErrors:
@@ -68,7 +64,7 @@ class PairErrors:
         self.pair, self.own, self.slope = self._drift.pair, self._drift.own, self._drift.slope
         u = pair.log_f
         ends = float(u[0]), float(u[-1])
-        self._shape = smooth(u, ends, _SHAPE_LENGTH, 4)
+        self.shape = smooth(u, ends, _SHAPE_LENGTH, 4)
         self.instrument = InstrumentErrors(self.pair)
         self._felt = np.sqrt(_FLOOR**2 + np.abs(self.slope) ** 2 / 4)
 
@@ -154,18 +150,18 @@ class PairErrors:
         columns, shares = of_formula.copy(), np.zeros((at.x.size, of_formula.shape[1]))
         linear = np.repeat([not exact for exact in at.exact], of_formula.shape[1] // max(len(at.exact), 1))
         if np.any(linear):
-            columns[:, linear], shares[:, linear] = _beside(of_formula[:, linear], at.slopes, 1 / self.points(at).noise)
+            columns[:, linear], shares[:, linear] = beside(of_formula[:, linear], at.slopes, 1 / self.points(at).noise)
         return columns, shares
 
     def _of_formula(self, at: Linearised) -> Complexes:
         """Return d ln Z / d coefficient of the error of each change's formula, shape (N, K)."""
-        made = [part * at.shapes[:, k, None] * self._shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
+        made = [part * at.shapes[:, k, None] * self.shape for k in range(at.shapes.shape[1]) for part in (1, 1j)]
         return np.asarray(np.hstack([np.zeros((at.frequency.size, 0), np.complex128), *made]), np.complex128)
 
     def formula_errors(self, coefficients: Reals) -> Complexes:
         """Return the relative errors of the changes' main sizes over frequency, shape (N, K)."""
-        parts = coefficients.reshape(-1, 2, self._shape.shape[1])
-        return np.asarray(self._shape @ (parts[:, 0] + 1j * parts[:, 1]).T, np.complex128)
+        parts = coefficients.reshape(-1, 2, self.shape.shape[1])
+        return np.asarray(self.shape @ (parts[:, 0] + 1j * parts[:, 1]).T, np.complex128)
 
     def points(self, at: Linearised, drift: float = 2e-4) -> PointErrors:
         """Return the noise of each point: of both recordings, and the part of a drift beyond its column."""
@@ -225,9 +221,9 @@ class PairErrors:
         own = where["x"]
         x = a[own.start - 1 : own.stop - 1]
         covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
-        share = self._shares(at)
+        share = self.shares(at)
         drift = np.concatenate([a[where[name].start - 1 : where[name].stop - 1] for name in ("drift", "wander")])
-        covariance = covariance + _USUAL_DRIFT**2 * share @ share.T
+        covariance = covariance + USUAL_DRIFT**2 * share @ share.T
         moved = self._drift.moved_by(drift)
         cost = float(G[0, 0] - G[0, 1:] @ a)
         model = a[where["model"].start - 1 : where["model"].stop - 1] if "model" in where else a[:0]
@@ -238,83 +234,10 @@ class PairErrors:
             told[0], told[1], sizes, x, covariance, cost, left, x + share @ drift, moved, model, formula, imitated
         )
 
-    def sized(self, at: Linearised, outcome: Outcome, main: Sequence[tuple[int, float]]) -> tuple[Reals, Reals]:
-        """Return the coordinates including the part imitated by drift, and their covariance, shapes (P,) and (P, P).
-
-        Averaged over the sizes of the errors, each varied by itself. `main`: of each change, the coordinate of its
-        main size and how much it moves for a unit relative error in the middle of the band (0: the size is the one
-        that fits the whole band best, with the part of the formula's error that it imitates).
-        """
-        X, where = self.columns(at)
-        kernel = Kernel([self.points(at)], outcome.sizes.colour, (outcome.sizes.rest, 0.0))
-        G = kernel.white([np.hstack([X, self._of_set_up(at)])]).squared()
-        numbers = 2 * int(np.count_nonzero(np.isfinite(self.pair.noise_after)))
-        T = self._reported(at, where, main, G.shape[0] - 1)
-        trials = [(one, self._density(G, where, one, numbers)) for one in outcome.sizes.neighbours()]
-        logs = np.array([value for _, value in trials])
-        chances = np.exp(logs - np.logaddexp.reduce(logs))
-        mean, square, drift = np.zeros(at.x.size), np.zeros((at.x.size, at.x.size)), self._of_drift(at)
-        for chance, (sizes, _) in zip(chances, trials, strict=True):
-            if chance < _NEGLIGIBLE:
-                continue
-            inverse, a = posterior_of(G / sizes.noise**2, scale_of(where, sizes, G.shape[0]))
-            x = T @ a
-            mean = mean + chance * x
-            square = square + chance * (T @ inverse @ T.T + drift + np.outer(x, x))
-        total = float(np.sum(chances[chances >= _NEGLIGIBLE]))
-        mean = mean / total
-        return mean, square / total - np.outer(mean, mean)
-
-    def _density(self, G: Reals, where: dict[str, slice], sizes: Sizes, numbers: int) -> float:
-        """Return ln of the residual's density times prior, but for a constant."""
-        scale = scale_of(where, sizes, G.shape[0])
-        return log_density(G / sizes.noise**2, 2 * numbers * log(sizes.noise), scale) + sizes.log_prior
-
-    def _reported(
-        self, at: Linearised, where: dict[str, slice], main: Sequence[tuple[int, float]], count: int
-    ) -> Reals:
-        """Return the coordinates that are reported, by the coefficients of all columns, shape (P, M)."""
-        T = np.zeros((at.x.size, count))
-        own, formula = where["x"], where["shape"]
-        T[:, own.start - 1 : own.stop - 1] = np.eye(at.x.size)
-        drift = [k for name in ("drift", "wander") for k in range(where[name].start - 1, where[name].stop - 1)]
-        T[:, drift] = self._shares(at)
-        width = self._shape.shape[1]
-        middle = self._shape[int(np.argmin(np.abs(self.pair.log_f - np.mean(self.pair.log_f[[0, -1]]))))]
-        for k, (row, moves) in enumerate(main):
-            if not moves:
-                continue
-            first = formula.start - 1 + 2 * width * k
-            T[row, first : first + width] += moves * middle
-        return T
-
-    def _of_drift(self, at: Linearised) -> Reals:
-        """Return the covariance of changes in the device by the usual drift, which they include, shape (P, P)."""
-        share = self._shares(at)
-        return _USUAL_DRIFT**2 * share @ share.T
-
-    def _of_set_up(self, at: Linearised) -> Complexes:
-        """Return the residual of another fixture where something was put in or taken out, shape (N, M).
-
-        The terminals are opened for it, so that each recording has a residual of its own: this is the second one.
-        """
-        return self.instrument.fixture(self.pair.after)[:, : None if at.exact else 0]
-
-    def _shares(self, at: Linearised) -> Reals:
-        """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M).
-
-        Only drift of the same kind counts: a change of strength includes no drift of the frequencies, although it
-        imitates some of it.
-        """
+    def shares(self, at: Linearised) -> Reals:
+        """Return the shift of the coordinates of changes in the device by each column of drift, shape (P, M)."""
         drift = np.asarray(np.hstack(list(self._drift.columns(at.through, at.each).values())), np.complex128)
-        made = np.zeros((at.x.size, drift.shape[1]))
-        own = list(at.inside)
-        if own:
-            inverse = 1 / self.points(at).noise
-            beside, made[own] = _beside(drift, at.slopes[:, own], inverse)
-            left, whole = (np.linalg.norm(columns * inverse[:, None], axis=0) for columns in (beside, drift))
-            made[:, left**2 > _IMITATED * whole**2] = 0.0
-        return made
+        return shares_of_drift(drift, at, self.points(at).noise)
 
     def shortfall(self, at: Linearised, outcome: Outcome) -> float:
         """Return the ln likelihood missing relative to noise and usual errors only, beyond chance."""
@@ -373,20 +296,3 @@ class PairErrors:
         seen = G / sizes.noise**2
         _, a = posterior_of(seen, scale_of(where, sizes, G.shape[0]))
         return float(seen[0, 0] - seen[0, 1:] @ a)
-
-
-def _beside(columns: Complexes, slopes: Complexes, inverse: Reals) -> tuple[Complexes, Reals]:
-    """Return columns without the part that coordinates could imitate, and that part's coefficients, shape (P, K).
-
-    So sizes keep their meaning: a shift includes the part imitated by drift. Coordinates have their unit normal prior:
-    one that hardly moves ln Z imitates nothing.
-    """
-    if not slopes.shape[1] or not columns.shape[1]:
-        return columns, np.zeros((slopes.shape[1], columns.shape[1]))
-    weighted, aim = slopes * inverse[:, None], columns * inverse[:, None]
-    length = np.linalg.norm(weighted, axis=0)
-    unit = np.where(length > 0, length, 1.0)
-    basis = np.vstack([weighted.real / unit, weighted.imag / unit, np.diag(1 / unit)])
-    rows = np.vstack([aim.real, aim.imag, np.zeros((unit.size, aim.shape[1]))])
-    share = np.linalg.lstsq(basis, rows, rcond=1e-8)[0]
-    return np.asarray(columns - (slopes / unit) @ share, np.complex128), share / unit[:, None]

@@ -9,6 +9,7 @@ import numpy as np
 from ....models.base.arrays import Reals
 from ..errors.linearised import Linearised, Outcome
 from ..errors.pair_errors import PairErrors
+from ..errors.reported_sizes import sized
 from ..known_changes.device_changes import NewResonance
 from ..known_changes.two_ports import TwoPort
 from ..levels.drive_levels import AmplitudeDependent
@@ -100,7 +101,7 @@ class Fitted:
         main = [
             (own.start, 1 / change.sizes[0].spread if exact(change) else 0.0) for change, own in pairs if change.sizes
         ]
-        total, covariance = self.errors.sized(self.at, self.outcome, main)
+        total, covariance = sized(self.errors, self.at, self.outcome, main)
         for change, own in zip(self.hypothesis.changes, self.hypothesis.slices, strict=True):
             if isinstance(change, AmplitudeDependent):
                 covariance[own, own] += change.covariance
