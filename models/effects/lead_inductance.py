@@ -33,9 +33,9 @@ class LeadInductance(Effect):
         """Return L (H), the resistance (ohm), the skin effect's resistance at 1 MHz (ohm), and C (F)."""
         return (
             EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
-            EffectParameter("resistance", "ohm", typical=0.05, prior=(0.02, 2.0)),
-            EffectParameter("skin", "ohm", typical=0.01, prior=(3e-3, 2.0)),
-            EffectParameter("capacitance", "F", typical=1e-13, prior=(2e-13, 2.0)),
+            EffectParameter("resistance", "ohm", typical=0.05, prior=(0.02, 2.0), in_proportion=True),
+            EffectParameter("skin", "ohm", typical=0.01, prior=(3e-3, 2.0), in_proportion=True),
+            EffectParameter("capacitance", "F", typical=1e-13, prior=(2e-13, 2.0), in_proportion=True),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -61,18 +61,20 @@ class SizePriors:
     """Priors of the sizes of some effects, in the coordinates of a fit."""
 
     def __init__(self, effects: Sequence[Candidate], free: Sequence[str]) -> None:
-        pairs = [
-            (name, knob) for one in effects for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
-        ]
-        self._at = np.array([free.index(name) for name, _ in pairs], dtype=np.intp)
-        self._width = np.array([width(knob) for _, knob in pairs])
-        self._count = len(free)
+        owners = [one for one in effects for _ in one.parameters]
+        names = [name for one in effects for name in one.parameters]
+        knobs = [knob for one in effects for knob in one.effect_parameters]
+        self._width = np.array([width(knob) for knob in knobs])
+        self._deviations = np.zeros((len(knobs), len(free)))
+        """Deviations from what is usual, in standard deviations, per coordinate, shape (K, M)."""
+        for row, one, name, knob in zip(self._deviations, owners, names, knobs, strict=True):
+            row[free.index(name)] = 1 / width(knob)
+            if knob.in_proportion:
+                row[free.index(one.parameters[0])] = -one.effect_parameters[0].expected[1] / knob.expected[1]
 
     def rows(self, x: Reals) -> tuple[Reals, Reals]:
         """Return residuals of unit variance, shape (K,), and their derivatives, shape (K, M)."""
-        J = np.zeros((self._at.size, self._count))
-        J[np.arange(self._at.size), self._at] = 1 / self._width
-        return x[self._at] / self._width, J
+        return self._deviations @ x, self._deviations
 
     def log_volume(self) -> float:
         """Return ln of the peak prior density, without the powers of 2 pi that cancel in Laplace's integral."""
@@ -80,7 +82,7 @@ class SizePriors:
 
     def log_tails(self, x: Reals) -> float:
         """Return the change of ln prior density at `x` due to the wide tails."""
-        z2 = (x[self._at] / self._width) ** 2
+        z2 = (self._deviations @ x) ** 2
         mixed = (1 - _SHARE) * np.exp(-z2 / 2) + _SHARE / _TAIL * np.exp(-z2 / 2 / _TAIL**2)
         return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z2 / 2))
 

@@ -277,7 +277,8 @@ class GreedySearch:
             best = self.best
             if best.fit.converged:
                 break
-            self._fit([_Plan(best.effects, best.values, _restart(best), near=True, rounds=4)])
+            exact = best.fit.sizes.exact  # a fit that chose errors again would end elsewhere
+            self._fit([_Plan(best.effects, best.values, _restart(best), near=True, rounds=4, fixed=exact)])
             if self.best is best:
                 break
 

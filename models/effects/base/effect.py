@@ -58,6 +58,8 @@ class EffectParameter:
     """
     fraction: bool = False
     """Whether all values between the limits are equally likely, zero included."""
+    in_proportion: bool = False
+    """Whether its usual size is in proportion to the first parameter's: a shorter lead has less resistance, too."""
     setting: str = ""
     """The setting of a recording that gives its null value, if there is one."""
 

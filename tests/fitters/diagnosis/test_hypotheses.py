@@ -104,7 +104,8 @@ def test_typical_sizes_are_likelier_but_the_prior_has_wide_tails(lead_case) -> N
     K = len(lead_case.lead.parameters)
 
     def log_density(z: float) -> float:
-        x = np.array([7.0, z, *[0.0] * (K - 1)])  # parameters that are not sizes have no prior density
+        spreads = [knob.expected[1] for knob in lead_case.lead.effect_parameters]
+        x = np.array([7.0, *(z * spreads[0] / spread for spread in spreads)])  # a longer wire: all of it in proportion
         rows, slopes = priors.rows(x)
         assert slopes.shape == (K, len(free))
         assert not slopes[:, 0].any()
@@ -181,3 +182,26 @@ def test_probabilities_are_coarsened_by_the_misfit_of_the_best_explanation(parts
     sharp = [weighed(evidence, 0.0, 0.0) for evidence, _ in parts]
     assert np.max(probabilities(flat)) <= np.max(probabilities(sharp)) + 1e-12
     assert coarseness(-5.0, exact=True) == coarseness(0.0, exact=True) == 1 < coarseness(0.0) <= coarseness(shortfall)
+
+
+def test_a_short_lead_usually_has_little_resistance(lead_case) -> None:
+    free = lead_case.lead.parameters
+    priors = SizePriors((lead_case.lead,), free)
+
+    def unusual(factor: float, resistance: float) -> float:
+        knobs = lead_case.lead.effect_parameters
+        sizes = [knob.expected[0] * factor for knob in knobs]
+        sizes[1] *= resistance
+        x = np.concatenate(
+            [
+                block_of(name, knob).inverse(np.array([size]))
+                for name, knob, size in zip(free, knobs, sizes, strict=True)
+            ]
+        )
+        residual, slopes = priors.rows(x)
+        np.testing.assert_allclose(slopes @ x, residual)
+        return float(residual @ residual)
+
+    assert unusual(1.0, 1.0) == pytest.approx(0)
+    assert unusual(0.1, 1.0) == pytest.approx((np.log(10) / 1.2) ** 2), "only the inductance is unusual"
+    assert unusual(0.1, 10.0) > unusual(0.1, 1.0) + 1
