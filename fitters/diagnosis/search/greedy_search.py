@@ -252,7 +252,7 @@ class GreedySearch:
     def _take(self, made: Hypothesis) -> None:
         if np.isfinite(made.log_weight):
             known = self.found.get(made.key)
-            if known is None or made.log_weight - _extrapolated(made) > known.log_weight - _extrapolated(known):
+            if known is None or _better(made, known):
                 self.found[made.key] = made
 
     @property
@@ -319,6 +319,16 @@ class GreedySearch:
             for one, part in zip(self.ranked, parts, strict=True)
             if any(effect.effect.name in names for effect in one.effects)
         )
+
+
+def _better(made: Hypothesis, known: Hypothesis) -> bool:
+    """Return whether a fit replaces another one with the same effects.
+
+    With the same sizes of errors the one that ended lower does: its evidence is extrapolated over a shorter way.
+    """
+    if made.fit.sizes == known.fit.sizes:
+        return made.fit.value.here < known.fit.value.here
+    return made.log_weight - _extrapolated(made) > known.log_weight - _extrapolated(known)
 
 
 def _extrapolated(one: Hypothesis) -> float:

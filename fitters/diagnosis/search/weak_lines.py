@@ -6,7 +6,7 @@ shows therefore gets two columns of its own. A strong one is an effect, and a se
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
@@ -38,13 +38,13 @@ class FoundLine:
     """A line in a residual."""
 
     line: WeakLine
-    height: float
-    """Scale of its prior, in that of a weak line; 1 for a weak one."""
+    height: float = 1.0
+    """Most probable height, in standard deviations of a weak line's."""
 
     @property
     def weak(self) -> bool:
         """Whether it is no higher than the lines that every device has."""
-        return self.height == 1
+        return self.height <= _WEAK
 
 
 def weak_lines(parent: Hypothesis) -> tuple[WeakLine, ...]:
@@ -58,7 +58,8 @@ def strongest_lines(parent: Hypothesis, step: str, most: int) -> list[WeakLine]:
 
     Rough errors would describe any line, so they do not count here.
     """
-    return [one.line for one in _Residual.of(parent, step, _smooth(parent.fit.sizes)).lines(most)[0]]
+    residual = _Residual.of(parent, step, _smooth(parent.fit.sizes), any_height=True)
+    return [one.line for one in residual.lines(most)[0]]
 
 
 def _smooth(sizes: ErrorSizes) -> ErrorSizes:
@@ -88,9 +89,11 @@ class _Residual:
     pull: Reals
     r: list[Complexes]
     log_K: float
+    any_height: bool
+    """Whether lines may be higher than weak ones."""
 
     @classmethod
-    def of(cls, parent: Hypothesis, step: str, sizes: ErrorSizes) -> "_Residual":
+    def of(cls, parent: Hypothesis, step: str, sizes: ErrorSizes, *, any_height: bool = False) -> "_Residual":
         """Return the residual with errors of these sizes."""
         gram = parent.fit.gram
         recordings = parent.objective.recordings
@@ -104,7 +107,7 @@ class _Residual:
         prior[on.size :, on.size :] = gram.before.P
         pull = np.concatenate([np.zeros(on.size), gram.before.g])
         kernel = Kernel([gram.columns.points[k] for k in at], sizes.colour, sizes.rough)
-        return cls(parent, step, at, kernel, beside, prior, pull, [gram.r[k] for k in at], kernel.log_det)
+        return cls(parent, step, at, kernel, beside, prior, pull, [gram.r[k] for k in at], kernel.log_det, any_height)
 
     def lines(self, most: int = LINES) -> tuple[list[FoundLine], float]:
         """Return the lines, found one after the other, and ln evidence with them up to a constant of the step."""
@@ -113,7 +116,7 @@ class _Residual:
             return [], self._evidence([])
         found: list[FoundLine] = []
         beside = _Beside.of(self)
-        scan = beside.scanned(self.kernel.white(self._columns([FoundLine(line, 1.0) for line in trials])))
+        scan = beside.scanned(self.kernel.white(self._columns([FoundLine(line) for line in trials])))
         width = self._width()
         price = 0.0
         for _ in range(most):
@@ -129,20 +132,24 @@ class _Residual:
 
     def _refined(self, line: WeakLine, beside: "_Beside") -> FoundLine:
         """Return the line at the frequency and with the Q nearby that raise the evidence most, with its height."""
-        height = 1.0
+        found = FoundLine(line)
         apart, steeper = _SPACING / 2, 2.0**0.5
         for _ in range(_REFINEMENTS):
+            f, q = found.line.frequency, found.line.q
             near = [
-                WeakLine(self.step, line.frequency * (1 + shift * apart / line.q), line.q * stretch)
+                replace(found, line=WeakLine(self.step, f * (1 + shift * apart / q), q * stretch))
                 for shift in (-1.0, 0.0, 1.0)
                 for stretch in (1 / steeper, 1.0, steeper)
             ]
-            scan = beside.scanned(self.kernel.white(self._columns([FoundLine(one, height) for one in near])))
+            scan = beside.scanned(self.kernel.white(self._columns(near)))
             best = int(np.argmax(scan.gains))
-            line, units = near[best], scan.height(best)
-            height = height * units if height * units > _WEAK else 1.0
+            found = replace(near[best], height=self._scale(near[best]) * scan.height(best))
             apart, steeper = apart / 1.6, steeper**0.7
-        return FoundLine(line, height)
+        return found
+
+    def _scale(self, one: FoundLine) -> float:
+        """Return the standard deviation of a line's height, in that of a weak line's."""
+        return one.height if self.any_height and not one.weak else 1.0
 
     def _trials(self) -> list[WeakLine]:
         f = np.unique(np.concatenate([self.parent.objective.recordings[k].sweep.frequency for k in self.at]))
@@ -162,13 +169,12 @@ class _Residual:
 
     def _columns(self, lines: Sequence[FoundLine]) -> list[Complexes]:
         curves = self.parent.objective.curves(self.parent.fit.x)
-        recordings = self.parent.objective.recordings
-        return [
-            np.concatenate([one.height * line_columns(recordings[k], curves[k], one.line) for one in lines], axis=1)
-            if lines
-            else np.zeros((curves[k].size, 0), np.complex128)
-            for k in self.at
-        ]
+        made: list[Complexes] = []
+        for k in self.at:
+            recording, Z = self.parent.objective.recordings[k], curves[k]
+            own = [self._scale(one) * line_columns(recording, Z, one.line) for one in lines]
+            made.append(np.concatenate([np.zeros((Z.size, 0), np.complex128), *own], axis=1))
+        return made
 
     def _joined(self, found: Sequence[FoundLine]) -> list[Complexes]:
         more = self._columns(found)
