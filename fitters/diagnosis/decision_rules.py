@@ -37,6 +37,8 @@ PARENTS = 3
 """Budget: number of best hypotheses that are extended by one more effect."""
 SUBSTITUTES = 2
 """Budget: substitutes fitted for each effect of the best hypothesis."""
+LOOK_ALIKES = 3
+"""Budget: effects that resemble one of the best hypothesis, fitted in its place."""
 RESEMBLING = 0.5
 """Correlation with an effect, after projecting out the constants, from which another is fitted in its place."""
 RIVALS = 6

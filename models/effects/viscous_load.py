@@ -17,6 +17,7 @@ class ViscousLoad(Effect):
     """(1 + j) sqrt(w rho eta / 2) added to the load of a face: as much reactance as resistance."""
 
     name = "viscous-load"
+    odds = 0.3  # a face that moves along its normal drags little along: what loads it is mostly a `face-load`
     says = "A viscous liquid or paste that the build omits is dragged along by {where}."
     separates = "clean and dry the face; a liquid of another viscosity changes it by the square root of the ratio"
     references = (
@@ -31,7 +32,7 @@ class ViscousLoad(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the resistance at the resonance in Rayl: 2500 of water at 2 MHz, some 1e5 of glycerol."""
         typical = 1e-3 * acoustic_impedance(stack)
-        return (EffectParameter("resistance", "Rayl", typical, upper=0.3e3 * typical, prior=(3e4, 2.0)),)
+        return (EffectParameter("resistance", "Rayl", typical, upper=0.3e3 * typical, prior=(3e4, 1.5)),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the liquid on that face."""

@@ -13,6 +13,9 @@ _LOGISTIC = 1.7
 """Standard deviation of the normal density closest to the logistic one, the prior of a `between` coordinate."""
 _DEEPEST = 6.0
 """Standard deviations below the median at which a size counts as zero."""
+_ABSENT, _HARDLY = 0.2, -2.0
+"""Prior probability that one of several sizes of an effect is absent, and standard deviations below the median from
+which it is as good as that: a further resonance is driven by the voltage, by the strain, or by both."""
 _TAIL, _SHARE = 4.0, 0.1
 """One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
 
@@ -65,6 +68,10 @@ class SizePriors:
         names = [name for one in effects for name in one.parameters]
         knobs = [knob for one in effects for knob in one.effect_parameters]
         self._width = np.array([width(knob) for knob in knobs])
+        sizes = [(k, one) for k, (one, knob) in enumerate(zip(owners, knobs, strict=True)) if knob.from_nothing]
+        several = [[k for k, own in sizes if own is one and names[k] in dict(one.sizes)] for one in effects]
+        self._several = [group for group in several if len(group) > 1]
+        """Positions of the sizes of each effect that has several that start from nothing."""
         self._deviations = np.zeros((len(knobs), len(free)))
         """Deviations from what is usual, in standard deviations, per coordinate, shape (K, M)."""
         for row, one, name, knob in zip(self._deviations, owners, names, knobs, strict=True):
@@ -81,10 +88,13 @@ class SizePriors:
         return -float(np.sum(np.log(self._width)))
 
     def log_tails(self, x: Reals) -> float:
-        """Return the change of ln prior density at `x` due to the wide tails."""
-        z2 = (self._deviations @ x) ** 2
-        mixed = (1 - _SHARE) * np.exp(-z2 / 2) + _SHARE / _TAIL * np.exp(-z2 / 2 / _TAIL**2)
-        return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z2 / 2))
+        """Return the change of ln prior density at `x` due to the wide tails, and to sizes that may be absent."""
+        z = self._deviations @ x
+        mixed = (1 - _SHARE) * np.exp(-(z**2) / 2) + _SHARE / _TAIL * np.exp(-(z**2) / 2 / _TAIL**2)
+        for group in self._several:
+            others = np.delete(group, np.argmax(z[group]))
+            mixed[others] = np.where(z[others] < _HARDLY, _ABSENT, (1 - _ABSENT) * mixed[others])
+        return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z**2 / 2))
 
 
 def slopes_by_size(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:

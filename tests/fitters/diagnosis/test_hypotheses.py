@@ -205,3 +205,17 @@ def test_a_short_lead_usually_has_little_resistance(lead_case) -> None:
     assert unusual(1.0, 1.0) == pytest.approx(0)
     assert unusual(0.1, 1.0) == pytest.approx((np.log(10) / 1.2) ** 2), "only the inductance is unusual"
     assert unusual(0.1, 10.0) > unusual(0.1, 1.0) + 1
+
+
+def test_one_of_several_sizes_may_be_absent_but_not_all(lead_case) -> None:
+    (mode, *_) = candidates(lead_case.problem, ("spurious-resonance",))
+    priors = SizePriors((mode,), mode.parameters)
+
+    def log_density(*sizes: float) -> float:
+        x = np.array([*sizes, *[0.0] * (len(mode.parameters) - len(sizes))])
+        rows, _ = priors.rows(x)
+        return -float(rows @ rows) / 2 + priors.log_tails(x)
+
+    assert log_density(0.0, -6.0) == pytest.approx(log_density(-6.0, 0.0))
+    assert log_density(0.0, -6.0) == pytest.approx(log_density(0.0, 0.0), abs=0.2)
+    assert log_density(-6.0, -6.0) < log_density(0.0, -6.0) - 3
