@@ -281,7 +281,7 @@ def test_what_changed_from_the_kept_measurement_is_said_and_drawn(
 ) -> None:
     plan = SweepPlan((Segment(3.5e6, 4.8e6, 201),))
     for name in ("yesterday", "today"):
-        build = replace(read_build(BUILD), name=name, plan=plan)
+        build = replace(read_build(THESIS_BUILD), name=name, plan=plan)
         lab.wait_fit("mason", lab.measure(build, "disk").id)
     browser.open(page)
     press(browser, "#samples", "yesterday · disk")
