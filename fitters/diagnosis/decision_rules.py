@@ -35,10 +35,8 @@ NEAR = 12.0
 """ln odds within which a hypothesis is kept; anything further behind has a probability below 1e-5."""
 PARENTS = 3
 """Budget: number of best hypotheses that are extended by one more effect."""
-SUBSTITUTES = 2
-"""Budget: substitutes fitted for each effect of the best hypothesis."""
-LOOK_ALIKES = 3
-"""Budget: effects that resemble one of the best hypothesis, fitted in its place."""
+SUBSTITUTES = 3
+"""Budget: substitutes fitted for each effect of the best hypothesis: as many that promise most, and look-alikes."""
 RESEMBLING = 0.5
 """Correlation with an effect, after projecting out the constants, from which another is fitted in its place."""
 RIVALS = 6

@@ -13,7 +13,6 @@ from ...error_model.marginal_fit import Minimum
 from ..decision_rules import (
     FITTED_FIRST,
     FITTED_LATER,
-    LOOK_ALIKES,
     MOST,
     NEAR,
     PARENTS,
@@ -147,7 +146,7 @@ class GreedySearch:
         for found in resembling(self.problem, rest, own, left):
             if found.gain > RESEMBLING:
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
-        chosen = list(alike.values())[:LOOK_ALIKES]
+        chosen = list(alike.values())[:SUBSTITUTES]
         self._fit([plan for found in chosen for plan in self._plans(rest, found.candidate, [found])])
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
