@@ -132,7 +132,7 @@ class GreedySearch:
             return
         for effect in one.effects:
             rest = self.without(one, effect)
-            self.grow(rest, SUBSTITUTES)
+            self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
         self.polish()
         if self.best is not one and len(self.best.effects) >= len(one.effects):
@@ -147,7 +147,7 @@ class GreedySearch:
             if found.gain > RESEMBLING:
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
-        self._fit([plan for found in chosen for plan in self._plans(rest, found.candidate, [found])])
+        self._fit([plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one)])
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""
@@ -186,8 +186,12 @@ class GreedySearch:
             if one.effects and len(one.effects) < MOST and one.key not in self._grown
         ]
 
-    def grow(self, parent: Hypothesis, most: int) -> None:
-        """Fit the most promising candidates beside a hypothesis."""
+    def grow(self, parent: Hypothesis, most: int, like: Hypothesis | None = None) -> None:
+        """Fit the most promising candidates beside a hypothesis.
+
+        `like`: the hypothesis that the parent lacks an effect of. One of them may then explain as much as that effect,
+        although none promises it from where the constants of the parent are: fits start from those of `like`.
+        """
         self._grown.add(parent.key)
         left = self._beside(parent)
         lists = screened(self.problem, parent, left, self.jobs)
@@ -195,24 +199,31 @@ class GreedySearch:
             self.twins[promise.candidate] = promise.twins
         if not parent.effects and lists[1]:
             self._likely = lists[1][0].candidate
+        chosen = self._chosen(lists, parent, most, choosy=like is None and bool(parent.effects))
+        beside = ", ".join(one.effect.name for one in parent.effects)
+        self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
+        self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
+
+    def _chosen(
+        self, lists: Sequence[Sequence[ScreenedCandidate]], parent: Hypothesis, most: int, *, choosy: bool
+    ) -> dict[Candidate, list[ScreenedCandidate]]:
+        """Return the first candidates of all lists in turn; `choosy`: those that would count beside what is missing."""
         chosen: dict[Candidate, list[ScreenedCandidate]] = {}
-        shortfall = parent.fit.shortfall
-        for rank in range(len(left)):
+        for rank in range(max(map(len, lists))):
             for promises, least in zip(lists, (SOFT, WORTH, WORTH), strict=True):
                 if rank >= len(promises) or promises[rank].gain < least or len(chosen) >= most:
                     continue
-                if not parent.effects or promises[rank].gain > WORTH * coarseness(
-                    shortfall - promises[rank].gain, exact=True
-                ):
+                left = parent.fit.shortfall - promises[rank].gain
+                if not choosy or promises[rank].gain > WORTH * coarseness(left, exact=True):
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
-        beside = ", ".join(one.effect.name for one in parent.effects)
-        self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
-        self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises)])
+        return chosen
 
-    def _plans(self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate]) -> list[_Plan]:
-        effects = (*parent.effects, one)
-        sizes = (ErrorSizes(colour=parent.fit.sizes.colour), parent.fit.sizes)
-        return [_Plan(effects, {**parent.values, **promise.start}, sizes, rounds=2) for promise in _apart(promises)]
+    def _plans(
+        self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate], like: Hypothesis | None = None
+    ) -> list[_Plan]:
+        effects, near = (*parent.effects, one), like or parent
+        sizes = (ErrorSizes(colour=near.fit.sizes.colour), near.fit.sizes)
+        return [_Plan(effects, {**near.values, **promise.start}, sizes, rounds=2) for promise in _apart(promises)]
 
     def _fit(self, plans: Sequence[_Plan]) -> None:
         """Fit all these, and keep each hypothesis unless one of the same effects is better."""
