@@ -1,14 +1,13 @@
 """`face-load`: a face radiates into something or rests on it (fluid, fixture, rubber)."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from ..stack import Stack, Support
 from .base.assembly import Assembly
 from .base.effect import FACES, Effect, EffectParameter
-from .base.modified_loads import SupportedLoad
+from .base.modified_loads import resting_on
 from .base.scale import acoustic_impedance, resonance
 
 
@@ -45,13 +44,7 @@ class FaceLoad(Effect):
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with that face pressed against the support."""
         support = Support("face-load", resistance=values["resistance"], stiffness=values["stiffness"])
-
-        def pressed(stack: Stack) -> Stack:
-            if where == FACES[0]:
-                return replace(stack, back=SupportedLoad(stack.back, support))
-            return replace(stack, front=SupportedLoad(stack.front, support))
-
-        return assembly.each_stack(pressed)
+        return assembly.each_stack(lambda stack: resting_on(stack, where, support))
 
 
 EFFECT = FaceLoad()

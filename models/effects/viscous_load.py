@@ -1,7 +1,6 @@
 """`viscous-load`: a liquid on a face that is dragged along by its viscosity."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from ..stack import Stack
 from ..stack.loads import ShearedLiquid
 from .base.assembly import Assembly
 from .base.effect import FACES, Effect, EffectParameter
-from .base.modified_loads import SupportedLoad
+from .base.modified_loads import resting_on
 from .base.scale import acoustic_impedance, resonance
 
 
@@ -39,13 +38,7 @@ class ViscousLoad(Effect):
         if values["resistance"] == 0:
             return assembly
         liquid = ShearedLiquid(self.name, values["resistance"] ** 2 / (np.pi * resonance(assembly.nominal)))
-
-        def wetted(stack: Stack) -> Stack:
-            if where == FACES[0]:
-                return replace(stack, back=SupportedLoad(stack.back, liquid))
-            return replace(stack, front=SupportedLoad(stack.front, liquid))
-
-        return assembly.each_stack(wetted)
+        return assembly.each_stack(lambda stack: resting_on(stack, where, liquid))
 
 
 EFFECT = ViscousLoad()

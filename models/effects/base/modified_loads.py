@@ -8,9 +8,10 @@ from typing import Self
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies
-from ...stack import HalfSpace
+from ...stack import HalfSpace, Stack
 from ...stack.loads import Load
 from ...stack.loss_laws import ComplexLike
+from .effect import FACES
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,13 @@ class SupportedLoad(ModifiedLoad):
     def factor(self, frequency: Frequencies) -> ComplexLike:
         """Return 1."""
         return 1.0
+
+
+def resting_on(stack: Stack, face: str, support: Load) -> Stack:
+    """Return the stack with something on a face, one of `FACES`, in addition to its load there."""
+    if face == FACES[0]:
+        return replace(stack, back=SupportedLoad(stack.back, support))
+    return replace(stack, front=SupportedLoad(stack.front, support))
 
 
 @dataclass(frozen=True)
