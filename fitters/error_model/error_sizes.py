@@ -91,6 +91,11 @@ class ErrorSizes:
         """Sizes of the rough errors."""
         return self.rho, self.bend
 
+    @property
+    def smooth(self) -> "ErrorSizes":
+        """The same without rough errors."""
+        return self.at("rho", 0.0).at("bend", 0.0)
+
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
         sizes = {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "held", "losses", "shape")}

@@ -66,7 +66,7 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
     """Return the fits of the most promising candidates beside a hypothesis."""
     if len(parent.effects) == MOST:
         return []
-    _, _, promises = screened(problem, parent, parent.others(candidates), jobs)
+    *_, promises = screened(problem, parent, parent.others(candidates), jobs)
     if not promises or _hopeless(parent, promises[0].gain):
         return []
     most, absorbed = (EXACT_LATER, 0.0) if parent.effects else (EXACT_FIRST, ABSORBED)

@@ -190,7 +190,7 @@ class GreedySearch:
         """Fit the most promising candidates beside a hypothesis.
 
         `like`: the hypothesis that the parent lacks an effect of. One of them may then explain as much as that effect,
-        although none promises it from where the constants of the parent are: fits start from those of `like`.
+        although none promises it from where the constants of the parent are: fits start from those of `like`, too.
         """
         self._grown.add(parent.key)
         left = self._beside(parent)
@@ -199,7 +199,9 @@ class GreedySearch:
             self.twins[promise.candidate] = promise.twins
         if not parent.effects and lists[1]:
             self._likely = lists[1][0].candidate
-        chosen = self._chosen(lists, parent, most, choosy=like is None and bool(parent.effects))
+        chosen = self._chosen(lists, parent, most, choosy=bool(parent.effects))
+        if like is not None:
+            chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
         beside = ", ".join(one.effect.name for one in parent.effects)
         self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
         self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
@@ -210,7 +212,7 @@ class GreedySearch:
         """Return the first candidates of all lists in turn; `choosy`: those that would count beside what is missing."""
         chosen: dict[Candidate, list[ScreenedCandidate]] = {}
         for rank in range(max(map(len, lists))):
-            for promises, least in zip(lists, (SOFT, WORTH, WORTH), strict=True):
+            for promises, least in zip(lists, (SOFT, WORTH, WORTH, WORTH), strict=True):
                 if rank >= len(promises) or promises[rank].gain < least or len(chosen) >= most:
                     continue
                 left = parent.fit.shortfall - promises[rank].gain
@@ -221,9 +223,16 @@ class GreedySearch:
     def _plans(
         self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate], like: Hypothesis | None = None
     ) -> list[_Plan]:
-        effects, near = (*parent.effects, one), like or parent
-        sizes = (ErrorSizes(colour=near.fit.sizes.colour), near.fit.sizes)
-        return [_Plan(effects, {**near.values, **promise.start}, sizes, rounds=2) for promise in _apart(promises)]
+        return [
+            _Plan(
+                (*parent.effects, one),
+                {**near.values, **promise.start},
+                (ErrorSizes(colour=near.fit.sizes.colour), near.fit.sizes),
+                rounds=2,
+            )
+            for promise in _apart(promises)
+            for near in dict.fromkeys((parent, like or parent))
+        ]
 
     def _fit(self, plans: Sequence[_Plan]) -> None:
         """Fit all these, and keep each hypothesis unless one of the same effects is better."""

@@ -53,23 +53,24 @@ class ScreenedCandidate:
 def screened(
     problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate], jobs: int = 1
 ) -> tuple[list[ScreenedCandidate], ...]:
-    """Return three lists of candidates beside a hypothesis, largest gain first.
+    """Return four lists of candidates beside a hypothesis, largest gain first.
 
-    The lists differ in how they treat the residual: as noise, as errors of a good device and instrument, or as the
-    hypothesis's own errors. `jobs`: number of processes.
+    The lists differ in how they treat the residual: as noise, as errors of a good device and instrument, as the
+    hypothesis's own errors, or as these without the rough ones, which describe anything. `jobs`: number of processes.
     """
     lines = _lines(parent, candidates)
     changed = on_cores([partial(_changes, problem, parent, one, lines.get(one.step, [])) for one in candidates], jobs)
     trials = [(one, *change) for one, own in zip(candidates, changed, strict=True) for change in own]
     if not trials:
-        return [], [], []
+        return [], [], [], []
     changes = [np.stack([change[k] for _, _, change in trials], axis=1) for k in range(len(problem.recordings))]
     twins = _twins(trials, changes)
     starts = [(one, values) for one, values, _ in trials]
     furthest = np.array([_furthest(one, values) for one, values in starts])
     usual_errors = replace(USUAL, colour=parent.fit.sizes.colour)
-    soft, usual, own = (_gains(parent, changes, furthest, sizes) for sizes in (None, usual_errors, parent.fit.sizes))
-    return tuple(_ranked(starts, gains, twins) for gains in (soft, usual, own))
+    own = parent.fit.sizes
+    treated = {sizes: _gains(parent, changes, furthest, sizes) for sizes in (None, usual_errors, own, own.smooth)}
+    return tuple(_ranked(starts, treated[sizes], twins) for sizes in (None, usual_errors, own, own.smooth))
 
 
 def resembling(

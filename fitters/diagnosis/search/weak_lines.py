@@ -58,18 +58,14 @@ def strongest_lines(parent: Hypothesis, step: str, most: int) -> list[WeakLine]:
 
     Rough errors would describe any line, so they do not count here.
     """
-    residual = _Residual.of(parent, step, _smooth(parent.fit.sizes), any_height=True)
+    residual = _Residual.of(parent, step, parent.fit.sizes.smooth, any_height=True)
     return [one.line for one in residual.lines(most)[0]]
-
-
-def _smooth(sizes: ErrorSizes) -> ErrorSizes:
-    return sizes.at("rho", 0.0).at("bend", 0.0)
 
 
 def _lines_of(parent: Hypothesis, step: str) -> list[FoundLine]:
     """Return the better of two sets: in addition to the hypothesis's rough errors, and instead of them."""
     own = parent.fit.sizes
-    sets = [_Residual.of(parent, step, sizes).lines() for sizes in dict.fromkeys((own, _smooth(own)))]
+    sets = [_Residual.of(parent, step, sizes).lines() for sizes in dict.fromkeys((own, own.smooth))]
     return max(sets, key=lambda found: found[1])[0]
 
 

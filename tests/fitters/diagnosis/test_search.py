@@ -34,7 +34,7 @@ def test_screening_ranks_the_true_effect_first_and_names_its_equivalents(lead_ca
     assert start == pytest.approx(lead_case.inductance, rel=0.5)
     (mass,) = (one for one in soft if one.candidate.effect.name == "electrode-mass")
     assert {mass.candidate.where, *(one.where for one in mass.twins)} == {"face:back", "face:front"}
-    assert screened(lead_case.problem, null, ()) == ([], [], [])
+    assert screened(lead_case.problem, null, ()) == ([], [], [], [])
 
 
 def test_a_strong_line_is_where_a_resonance_is_tried_and_is_no_weak_line(bare: Device, nothing: FitTask) -> None:
