@@ -13,9 +13,10 @@ _LOGISTIC = 1.7
 """Standard deviation of the normal density closest to the logistic one, the prior of a `between` coordinate."""
 _DEEPEST = 6.0
 """Standard deviations below the median at which a size counts as zero."""
-_ABSENT, _HARDLY = 0.2, -2.0
-"""Prior probability that one of several sizes of an effect is absent, and standard deviations below the median from
-which it is as good as that: a further resonance is driven by the voltage, by the strain, or by both."""
+_ABSENT, _HARDLY = 0.1, -2.0
+"""Prior probability that one of several sizes of an effect is absent, or what comes in proportion to it, and standard
+deviations below the median from which it is as good as that: a further resonance is driven by the voltage, by the
+strain, or by both, and a fixture's compensation may have taken off the resistance of its lead."""
 _TAIL, _SHARE = 4.0, 0.1
 """One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
 
@@ -72,6 +73,7 @@ class SizePriors:
         several = [[k for k, own in sizes if own is one and names[k] in dict(one.sizes)] for one in effects]
         self._several = [group for group in several if len(group) > 1]
         """Positions of the sizes of each effect that has several that start from nothing."""
+        self._optional = [k for k, knob in enumerate(knobs) if knob.in_proportion]
         self._deviations = np.zeros((len(knobs), len(free)))
         """Deviations from what is usual, in standard deviations, per coordinate, shape (K, M)."""
         for row, one, name, knob in zip(self._deviations, owners, names, knobs, strict=True):
@@ -91,9 +93,9 @@ class SizePriors:
         """Return the change of ln prior density at `x` due to the wide tails, and to sizes that may be absent."""
         z = self._deviations @ x
         mixed = (1 - _SHARE) * np.exp(-(z**2) / 2) + _SHARE / _TAIL * np.exp(-(z**2) / 2 / _TAIL**2)
-        for group in self._several:
-            others = np.delete(group, np.argmax(z[group]))
-            mixed[others] = np.where(z[others] < _HARDLY, _ABSENT, (1 - _ABSENT) * mixed[others])
+        others = [np.delete(group, np.argmax(z[group])) for group in self._several]
+        optional = np.concatenate([*others, self._optional]).astype(np.intp)
+        mixed[optional] = np.where(z[optional] < _HARDLY, _ABSENT, (1 - _ABSENT) * mixed[optional])
         return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z**2 / 2))
 
 

@@ -162,7 +162,7 @@ def test_proposed_sweeps_decide_what_one_sweep_leaves_open(
 
 
 def test_a_wider_sweep_distinguishes_a_lead_from_a_cable() -> None:
-    options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={"lead-inductance": 3e-9})
+    options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={"lead-inductance": 5e-8})
     considered = ("lead-inductance", "cable", "series-resistance", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
         bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")

@@ -67,11 +67,13 @@ def test_a_lead_on_a_radial_disk_is_named_with_its_size(
 def test_a_lead_on_a_device_of_unknown_structure_is_named_and_its_circuit_recovered() -> None:
     f = np.linspace(0.6e6, 1.6e6, 301)
     circuit = Lumped(1e-9, (Branch.from_resonance(1e6, 80, 1.5e-10),), tan_delta=0.01)
-    for wire, verdict, effects in ((5e-7, "explained", ["lead-inductance"]), (0.0, "no-mismatch", [])):
+    # 0.5 uH in so narrow a band are a long lead or a short cable
+    for wire, verdict, effects in ((5e-7, "explained", {"lead-inductance", "cable"}), (0.0, "no-mismatch", set())):
         task = FitTask(None, {"probe": (recorded(f, replace(circuit, L=wire).impedance(f), 3),)})
         found = diagnose(task, fitter=ButterworthVanDyke())
         assert found.verdict == verdict
-        assert [one.effect for one in found.findings] == effects
+        assert len(found.findings) == min(len(effects), 1)
+        assert {name for one in found.findings for name in (one.effect, *(o.effect for o in one.same_as))} == effects
         constants = found.final.constants
         assert [constants[name].unit for name in ("C0", "branch1.R", "branch1.L")] == ["F", "ohm", "H"]
         for name in ("C0", "branch1.L", "branch1.C"):
