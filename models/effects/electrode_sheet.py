@@ -21,7 +21,7 @@ class ElectrodeSheet(Effect):
 
     name = "electrode-sheet"
     stage = Stage.TERMINALS
-    odds = 0.5
+    odds = 0.1  # contacts and wires are far more common
     says = "The electrode at {where} is thin: its own resistance, spread over the face, is in series with the device."
     separates = "measure the resistance from rim to rim of the electrode, or contact it in several places"
     references = (

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ....models.base.arrays import Reals
 from ....models.effects import EffectParameter
@@ -13,10 +14,9 @@ _LOGISTIC = 1.7
 """Standard deviation of the normal density closest to the logistic one, the prior of a `between` coordinate."""
 _DEEPEST = 6.0
 """Standard deviations below the median at which a size counts as zero."""
-_ABSENT, _HARDLY = 0.1, -2.0
-"""Prior probability that one of several sizes of an effect is absent, or what comes in proportion to it, and standard
-deviations below the median from which it is as good as that: a further resonance is driven by the voltage, by the
-strain, or by both, and a fixture's compensation may have taken off the resistance of its lead."""
+_ABSENT = 0.1
+"""Prior probability that one of several sizes of an effect is absent, or what comes in proportion to it: a resonance is
+driven by the voltage, by the strain, or by both, and a compensation may have taken off the resistance of a lead."""
 _TAIL, _SHARE = 4.0, 0.1
 """One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
 
@@ -73,6 +73,7 @@ class SizePriors:
         several = [[k for k, own in sizes if own is one and names[k] in dict(one.sizes)] for one in effects]
         self._several = [group for group in several if len(group) > 1]
         """Positions of the sizes of each effect that has several that start from nothing."""
+        self._spread = np.array([knob.expected[1] for knob in knobs])
         self._optional = [k for k, knob in enumerate(knobs) if knob.in_proportion]
         self._deviations = np.zeros((len(knobs), len(free)))
         """Deviations from what is usual, in standard deviations, per coordinate, shape (K, M)."""
@@ -95,8 +96,19 @@ class SizePriors:
         mixed = (1 - _SHARE) * np.exp(-(z**2) / 2) + _SHARE / _TAIL * np.exp(-(z**2) / 2 / _TAIL**2)
         others = [np.delete(group, np.argmax(z[group])) for group in self._several]
         optional = np.concatenate([*others, self._optional]).astype(np.intp)
-        mixed[optional] = np.where(z[optional] < _HARDLY, _ABSENT, (1 - _ABSENT) * mixed[optional])
+        mixed[optional] = (1 - _ABSENT) * mixed[optional] + _ABSENT * self._without(z, optional)
         return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z**2 / 2))
+
+    def _without(self, z: Reals, optional: NDArray[np.intp]) -> Reals:
+        """Return the evidence without each of these sizes, relative to a prior at its median; they are `z` from there.
+
+        At a minimum the data push a size below its median as hard as the prior pulls it up, z per deviation. What they
+        lose by a small size is proportional to it, so it is -z/spread, and the data's curvature -z spread: without
+        that size neither is there. Zero above the median, where the data want it.
+        """
+        below = np.maximum(-z[optional], 0.0)
+        spread = self._spread[optional]
+        return np.where(z[optional] > 0, 0.0, np.exp(below / spread) * np.sqrt(1 + below * spread))
 
 
 def slopes_by_size(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:

@@ -162,11 +162,11 @@ def test_proposed_sweeps_decide_what_one_sweep_leaves_open(
 
 
 def test_a_wider_sweep_distinguishes_a_lead_from_a_cable() -> None:
-    options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={"lead-inductance": 5e-8})
+    options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={"lead-inductance": 3e-9})
     considered = ("lead-inductance", "cable", "series-resistance", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
         bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")
-        own = analyzer.measure(SweepPlan((Segment(3e6, 5e6, 81),), oscillator_V=0.5, bandwidth=5))
+        own = analyzer.measure(SweepPlan((Segment(3.5e6, 4.5e6, 81),), oscillator_V=0.5, bandwidth=5))
         task = FitTask(BUILD, {"disk": own})
         asked = [one.experiment for one in proposals(task, diagnose(task, considered), INSTRUMENT)]
         further = [sweep for one in asked for sweep in analyzer.measure(one.plan)]
