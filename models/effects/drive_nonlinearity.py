@@ -1,7 +1,6 @@
 """`drive-nonlinearity`: the resonance curve bends with the oscillator level."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from math import pi, sqrt
 
 import numpy as np
@@ -10,7 +9,7 @@ from ..base.arrays import Frequencies, Impedances, Reals, j_omega
 from ..stack import Piezo, Stack
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
-from .base.modified_laws import Factor
+from .base.modified_laws import Factor, with_stiffness_law
 from .base.scale import active, reactance
 
 _USUAL_SOURCE = 25.0
@@ -101,18 +100,7 @@ def _softer(device: Assembly, name: str, soft: Reals, loss: float) -> Assembly:
     """Return the device with the layer's stiffness times 1 - soft (1 - j loss); `soft` per frequency, shape (N,)."""
     factor = np.add(1 - soft, 1j * loss * soft)
 
-    def softer(stack: Stack) -> Stack:
-        return replace(
-            stack,
-            layers=tuple(
-                replace(layer, c_law=Factor(layer.c_law, factor))
-                if isinstance(layer, Piezo) and layer.name == name
-                else layer
-                for layer in stack.layers
-            ),
-        )
-
-    return device.each_stack(softer)
+    return device.each_stack(lambda stack: with_stiffness_law(stack, name, lambda law: Factor(law, factor)))
 
 
 def _strain(device: Assembly, name: str, source: float, frequency: Frequencies) -> Reals:

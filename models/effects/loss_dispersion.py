@@ -1,13 +1,13 @@
 """`loss-dispersion`: the quality factor of a layer depends on frequency."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from typing import TypeGuard
 
 from ..stack import CausalConstantQ, ConstantLoss, Elastic, LossLaw, Piezo, Stack
 from ..stack.stack import Layer
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
-from .base.modified_laws import LossExponent
+from .base.modified_laws import LossExponent, with_stiffness_law
 from .base.scale import resonance
 
 
@@ -44,21 +44,21 @@ class LossDispersion(Effect):
         def bend(law: LossLaw) -> LossExponent:
             return LossExponent(law, reference, values["exponent"], values.get("companion", 1.0))
 
-        def lossy(layer: Layer) -> Layer:
-            law = _law_of(layer)
-            if layer.name != name or law is None:
-                return layer
-            bent = bend(law)
-            return replace(layer, c_law=bent) if isinstance(layer, Piezo) else replace(layer, law=bent)
+        def lossy(law: LossLaw) -> LossLaw:
+            return bend(law) if _without_exponent(law) else law
 
         bent = assembly.each_law(name, "elastic", bend)
-        return bent.each_stack(lambda stack: replace(stack, layers=tuple(map(lossy, stack.layers))))
+        return bent.each_stack(lambda stack: with_stiffness_law(stack, name, lossy))
 
 
 def _law_of(layer: Layer) -> ConstantLoss | CausalConstantQ | None:
     """Return the law of the layer's stiffness; None if it has an exponent or there is no stiffness."""
     law = layer.c_law if isinstance(layer, Piezo) else layer.law if isinstance(layer, Elastic) else None
-    return law if isinstance(law, ConstantLoss | CausalConstantQ) else None
+    return law if _without_exponent(law) else None
+
+
+def _without_exponent(law: LossLaw | None) -> TypeGuard[ConstantLoss | CausalConstantQ]:
+    return isinstance(law, ConstantLoss | CausalConstantQ)
 
 
 EFFECT = LossDispersion()

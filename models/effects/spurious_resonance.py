@@ -1,15 +1,13 @@
 """`spurious-resonance`: one further resonance of unknown origin."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from math import cos, pi, sin
 
-from ..stack import Elastic, LossLaw, Piezo, Stack
-from ..stack.stack import Layer
+from ..stack import LossLaw, Stack
 from .base.assembly import Assembly
 from .base.branch import branch
 from .base.effect import Effect, EffectParameter, layer_at
-from .base.modified_laws import CoupledMode
+from .base.modified_laws import CoupledMode, with_stiffness_law
 from .base.scale import capacitance, resonance
 
 
@@ -53,22 +51,15 @@ class SpuriousResonance(Effect):
         """Return the device with the mode."""
         C = values["strength"] * capacitance(assembly.nominal)
         residue = C * complex(cos(values["phase"]), sin(values["phase"]))
-        f_k, q, name = values["frequency"], values["q"], layer_at(where)
+        f_k, q = values["frequency"], values["q"]
         made = assembly.beside(lambda jw: residue * branch(jw, 2 * pi * f_k, q)) if C > 0 else assembly
         if values["stiffness"] == 0 or not made.parts:  # a law of a model that is no stack must be smooth
             return made
 
-        def bend(law: LossLaw) -> CoupledMode:
+        def coupled(law: LossLaw) -> CoupledMode:
             return CoupledMode(law, values["stiffness"], f_k, q)
 
-        def coupled(layer: Layer) -> Layer:
-            if layer.name != name:
-                return layer
-            if isinstance(layer, Piezo):
-                return replace(layer, c_law=bend(layer.c_law))
-            return replace(layer, law=bend(layer.law)) if isinstance(layer, Elastic) else layer
-
-        return made.each_stack(lambda stack: replace(stack, layers=tuple(map(coupled, stack.layers))))
+        return made.each_stack(lambda stack: with_stiffness_law(stack, layer_at(where), coupled))
 
 
 EFFECT = SpuriousResonance()

@@ -76,7 +76,8 @@ def conclude(search: GreedySearch) -> Conclusion:
         best = search.without(best, min(unsure, key=lambda one: sure[one].of_class))
         sure = _certainty(search, best)
     final = _most_probable_alike(search, best, sure)
-    sure = _certainty(search, final)
+    if final is not best:
+        sure = _certainty(search, final)
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
     accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)

@@ -69,8 +69,9 @@ def screened(
     furthest = np.array([_furthest(one, values) for one, values in starts])
     usual_errors = replace(USUAL, colour=parent.fit.sizes.colour)
     own = parent.fit.sizes
-    treated = {sizes: _gains(parent, changes, furthest, sizes) for sizes in (None, usual_errors, own, own.smooth)}
-    return tuple(_ranked(starts, treated[sizes], twins) for sizes in (None, usual_errors, own, own.smooth))
+    treatments = (None, usual_errors, own, own.smooth)
+    gains = {sizes: _gains(parent, changes, furthest, sizes) for sizes in treatments}  # some may be the same
+    return tuple(_ranked(starts, gains[sizes], twins) for sizes in treatments)
 
 
 def resembling(

@@ -1,15 +1,16 @@
 """Laws of stiffness and permittivity that modify another law; at null they are that law."""
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Reals
-from ...stack import ConstantLoss, LossLaw
+from ...stack import ConstantLoss, Elastic, LossLaw, Piezo, Stack
 from ...stack.loss_laws import ComplexLike
+from ...stack.stack import Layer
 
 _TINY = 1e-9
 
@@ -151,3 +152,16 @@ class Factor(Multiple):
     def factor_at(self, frequency: Frequencies) -> Complexes:
         """Return the numbers, shape (N,)."""
         return self.factor
+
+
+def with_stiffness_law(stack: Stack, name: str, change: Callable[[LossLaw], LossLaw]) -> Stack:
+    """Return the stack with the law of one layer's stiffness changed; a layer without stiffness stays as it is."""
+
+    def changed(layer: Layer) -> Layer:
+        if layer.name != name:
+            return layer
+        if isinstance(layer, Piezo):
+            return replace(layer, c_law=change(layer.c_law))
+        return replace(layer, law=change(layer.law)) if isinstance(layer, Elastic) else layer
+
+    return replace(stack, layers=tuple(map(changed, stack.layers)))

@@ -15,15 +15,14 @@ from ...base.arrays import Complexes, Frequencies, Impedances
 from ...stack import Elastic, Piezo, Stack
 from ...stack.layers import Gradient
 from ...stack.loads import AnyLoad, Load
-from ...stack.loss_laws import ComplexLike
 from ...stack.lumps import Gap, Weight
 from ...stack.row import Joins
 from ...stack.stack import Layer
 from ..base.assembly import Assembly
 from ..base.effect import FACES, TERMINALS, Stage, interface_at, interfaces, layer_at
-from ..base.modified_laws import ModifiedLaw
+from ..base.modified_laws import Multiple
 from ..base.modified_loads import CorrectedLoad, SupportedLoad, is_backing
-from ..base.scale import acoustic_impedance, reactance, resonance
+from ..base.scale import acoustic_impedance, reactance
 
 Quantity = Literal[
     "stiffness", "permittivity", "coupling", "compliance", "inertia", "impedance", "load", "series", "shunt"
@@ -113,7 +112,7 @@ def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
     if place.where in FACES:
         return assembly.each_stack(partial(_with_load, place=place, size=acoustic_impedance(assembly.nominal), g=g))
     if place.quantity in CONSTANTS:
-        return assembly.each_stack(lambda stack: _with_constant(stack, place, g, resonance(assembly.nominal)))
+        return assembly.each_stack(lambda stack: _with_constant(stack, place, g))
     size = acoustic_impedance(assembly.nominal)
     part = CorrectedInterface(place.quantity == "compliance", size, g)
     _, before = interface_at(place.where)
@@ -146,37 +145,32 @@ def _across(z0: float, g: Correction) -> Callable[[Complexes, Impedances], tuple
     return shunt
 
 
-def _with_constant(stack: Stack, place: Place, g: Correction, reference: float) -> Stack:
+def _with_constant(stack: Stack, place: Place, g: Correction) -> Stack:
     def corrected_layer(layer: Layer) -> Layer:
         if layer.name != layer_at(place.where):
             return layer
         if isinstance(layer, Elastic):
-            return replace(layer, law=CorrectedLaw(layer.law, reference, g))
+            return replace(layer, law=CorrectedLaw(layer.law, g))
         if not isinstance(layer, Piezo):
             return layer
         if place.quantity == "stiffness":
-            return replace(layer, c_law=CorrectedLaw(layer.c_law, reference, g))
+            return replace(layer, c_law=CorrectedLaw(layer.c_law, g))
         if place.quantity == "coupling":
-            return replace(layer, h_law=CorrectedLaw(layer.h_law, reference, g))
-        return replace(layer, eps_law=CorrectedLaw(layer.eps_law, reference, g))
+            return replace(layer, h_law=CorrectedLaw(layer.h_law, g))
+        return replace(layer, eps_law=CorrectedLaw(layer.eps_law, g))
 
     return replace(stack, layers=tuple(map(corrected_layer, stack.layers)))
 
 
 @dataclass(frozen=True)
-class CorrectedLaw(ModifiedLaw):
+class CorrectedLaw(Multiple):
     """A law times 1 + g(f)."""
 
     g: Correction
 
-    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
-        """Return the constant at frequencies in Hz, shape (N,)."""
-        return self.base.over(value, frequency) * (1 + self.g(frequency))
-
-    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
-        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
-        factor = 1 + self.g(frequency)
-        return {key: size * factor for key, size in self.base.derivatives(value, frequency).items()}
+    def factor_at(self, frequency: Frequencies) -> Complexes:
+        """Return 1 + g, shape (N,)."""
+        return 1 + self.g(frequency)
 
 
 @dataclass(frozen=True)
