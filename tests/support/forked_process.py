@@ -22,6 +22,10 @@ from fork_server import IGNORED, ForkServer
 
 IMPORTED = (
     "pzctl.daemon.cli",
+    "pzctl.daemon.files.builds.build_file",
+    "pzctl.daemon.report.json_output.fit_json",
+    "pzctl.daemon.report.pictures.fit_pictures",
+    "pzctl.daemon.report.tables.fit_tables",
     "pzctl.daemon.report.terminal",
     "pzctl.daemon.server.launch",
     "pzctl.daemon.server.workers.worker_main",
@@ -31,6 +35,11 @@ IMPORTED = (
     "pzctl.drivers.playback.played_recording",
     "pzctl.fitters.layered.mason",
     "pzctl.sim.server",
+    "pzctl.fitters.diagnosis.diagnose",
+    "matplotlib.backends.backend_agg",
+    "matplotlib.backends.backend_svg",
+    "matplotlib.figure",
+    "pydantic.type_adapter",
     "pyvisa_py",
 )
 """What nearly every process of pzctl imports; more would make each fork slower."""
