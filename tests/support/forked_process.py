@@ -21,6 +21,11 @@ from typing import Any
 from fork_server import IGNORED, ForkServer
 
 IMPORTED = (
+    "matplotlib.backends.backend_agg",
+    "matplotlib.backends.backend_svg",
+    "matplotlib.figure",
+    "pydantic.type_adapter",
+    "pyvisa_py",
     "pzctl.daemon.cli",
     "pzctl.daemon.files.builds.build_file",
     "pzctl.daemon.report.json_output.fit_json",
@@ -33,14 +38,9 @@ IMPORTED = (
     "pzctl.drivers.agilent4294a.instrument",
     "pzctl.drivers.keysight_e4990a.driver",
     "pzctl.drivers.playback.played_recording",
+    "pzctl.fitters.diagnosis.diagnose",
     "pzctl.fitters.layered.mason",
     "pzctl.sim.server",
-    "pzctl.fitters.diagnosis.diagnose",
-    "matplotlib.backends.backend_agg",
-    "matplotlib.backends.backend_svg",
-    "matplotlib.figure",
-    "pydantic.type_adapter",
-    "pyvisa_py",
 )
 """What nearly every process of pzctl imports; more would make each fork slower."""
 WITHOUT_CHILDREN = ("pzctl.daemon.server.analyzers.simulated_analyzer", "pzctl.daemon.server.workers.fitter_worker")
