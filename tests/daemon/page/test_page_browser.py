@@ -24,7 +24,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
         return THESIS_BUILD
     text = THESIS_BUILD.read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("build") / "build.toml"
-    path.write_text(text.replace("points = 801", "points = 201"), encoding="utf-8")
+    path.write_text(text.replace("points = 801", "points = 101"), encoding="utf-8")
     return path
 
 
@@ -279,7 +279,7 @@ def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
 def test_what_changed_from_the_kept_measurement_is_said_and_drawn(
     page: str, lab: Client, browser: Browser, pictures: Path
 ) -> None:
-    plan = SweepPlan((Segment(3.5e6, 4.8e6, 201),))
+    plan = SweepPlan((Segment(3.5e6, 4.8e6, 101),))
     for name in ("yesterday", "today"):
         build = replace(read_build(THESIS_BUILD), name=name, plan=plan)
         lab.wait_fit("mason", lab.measure(build, "disk").id)

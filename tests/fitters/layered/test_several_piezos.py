@@ -19,6 +19,8 @@ AREA, DENSITY = 200e-6, 7700.0
 C33D, H33, EPS33S = 1.5e11 * (1 + 0.012j), 1.95e9 * (1 + 0.002j), 8.4e-9 * (1 - 0.015j)
 METAL_Z, METAL_C, METAL_Q = 17e6, 6300.0, 900.0
 MASS = 10e-3
+LOOK_ALIKES = ("prestress-bolt", "bond-layer", "electrode-mass", "stray-capacitance")
+"""Effects similar to those hidden here; the guide on several piezos uses the whole catalogue."""
 
 PLATE = """
 [[layers]]
@@ -196,13 +198,15 @@ def test_a_connection_that_does_not_fit_the_capacitance_is_named() -> None:
 
 
 def test_a_langevin_sandwich_is_fitted_and_its_lead_is_found() -> None:
-    f = np.linspace(20e3, 400e3, 401)
+    f = np.linspace(20e3, 400e3, 201)
     Z = half_sandwich(f, 2e-3) / 2
     fitted = Mason().fit(FitTask(parse_build(langevin()), {"whole": (recorded(f, Z),)}))
     assert fitted.chi2_per_dof < 1.3
     assert fitted.constants["head.c"].re == pytest.approx(METAL_C, rel=1e-3)
     lead = recorded(f, Z + 2j * np.pi * f * 2e-7)
-    diagnosis = diagnose(FitTask(parse_build(langevin()), {"whole": (lead,)}))
+    diagnosis = diagnose(
+        FitTask(parse_build(langevin()), {"whole": (lead,)}), (*LOOK_ALIKES, "cable", "lead-inductance")
+    )
     (found,) = diagnosis.findings
     assert found.effect in {"lead-inductance", "cable"}, "so far below its waves a cable is an inductance"
     assert found.parameters["inductance"].value == pytest.approx(2e-7, rel=0.03)
@@ -223,11 +227,10 @@ def test_a_bolt_is_told_from_the_stiffness_of_the_ceramic_by_the_overtones() -> 
 
 
 def test_a_bolt_that_the_build_omits_is_found() -> None:
-    f = np.linspace(20e3, 600e3, 401)
+    f = np.linspace(20e3, 600e3, 201)
     true = parse_build(langevin() + '[bolt]\nbetween = ["tail", "head"]\nstiffness_N_m = 4e8\n')
     sweep = recorded(f, stack_of(true, true.steps[0]).impedance(f))
-    look_alikes = ("prestress-bolt", "bond-layer", "electrode-mass", "stray-capacitance")
-    diagnosis = diagnose(FitTask(parse_build(langevin()), {"whole": (sweep,)}), look_alikes)
+    diagnosis = diagnose(FitTask(parse_build(langevin()), {"whole": (sweep,)}), LOOK_ALIKES)
     (found,) = diagnosis.findings
     assert (found.effect, found.where) == ("prestress-bolt", "interface:tail|head")
     assert "joins tail and head" in found.says
