@@ -51,7 +51,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("bench")
     found = S4.search((DOCS / "transducer.md").read_text(encoding="utf-8"))
     assert found
-    text = found[1].replace("801", "61")
+    text = found[1].replace("801", "81")
     for name in ("S4.toml", "build.toml"):
         (folder / name).write_text(text, encoding="utf-8")
     with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:

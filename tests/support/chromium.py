@@ -32,9 +32,9 @@ PATIENCE = 150.0
 
 
 class Browser:
-    """One tab of a headless Chromium."""
+    """A headless Chromium, and the tab of it that is driven."""
 
-    def __init__(self, profile: Path, width: int, height: int) -> None:
+    def __init__(self, profile: Path) -> None:
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
         words = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe", f"--user-data-dir={profile}"]
@@ -44,7 +44,7 @@ class Browser:
             os.dup2(from_browser, 4)
 
         self._process = subprocess.Popen(
-            [str(CHROMIUM), *words, f"--window-size={width},{height}", "about:blank"],
+            [str(CHROMIUM), *words, "about:blank"],
             preexec_fn=wire,  # noqa: PLW1509
             pass_fds=(3, 4),
             stderr=subprocess.DEVNULL,
@@ -54,14 +54,23 @@ class Browser:
         self._numbers = itertools.count(1)
         self._rest = b""
         self.problems: list[str] = []
-        target = next(one for one in self._send("Target.getTargets")["targetInfos"] if one["type"] == "page")
-        attached = self._send("Target.attachToTarget", targetId=target["targetId"], flatten=True)
-        self._session: str | None = attached["sessionId"]
+        self._session: str | None = None
+
+    @contextmanager
+    def tab(self, width: int, height: int) -> Iterator[None]:
+        """Drive a new tab that shares nothing with earlier ones, as in a new profile; close it afterwards."""
+        self.problems.clear()
+        context = self._send("Target.createBrowserContext")["browserContextId"]
+        size = {"width": width, "height": height}
+        target = self._send("Target.createTarget", url="about:blank", browserContextId=context, **size)["targetId"]
+        attached = self._send("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = attached["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
             self._send(f"{domain}.enable")
-        self.size(width, height)
-
-    _session: str | None = None
+        self.size(**size)
+        yield
+        self._session = None
+        self._send("Target.disposeBrowserContext", browserContextId=context)
 
     def close(self) -> None:
         self._process.terminate()

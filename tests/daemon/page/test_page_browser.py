@@ -6,6 +6,7 @@ Set PZCTL_SCREENSHOTS to a folder to keep the pictures.
 import os
 import re
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,11 +50,16 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with closing(Browser(tmp_path_factory.mktemp("profile"))) as one:
+        yield one
+
+
 @pytest.fixture
-def browser(tmp_path: Path) -> Iterator[Browser]:
-    one = Browser(tmp_path / "profile", 1600, 1100)
-    yield one
-    one.close()
+def browser(chromium: Browser) -> Iterator[Browser]:
+    with chromium.tab(1600, 1100):
+        yield chromium
 
 
 @pytest.fixture
