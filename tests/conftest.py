@@ -1,5 +1,6 @@
 """Default signal handling, the open cases, and real recordings; without the latter, tests skip with a reason."""
 
+import gc
 import os
 import signal
 import sys
@@ -53,6 +54,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         fixtures = getattr(item, "fixturenames", ())
         if STARTS_PROCESSES.intersection(fixtures) or PROCESS_MODULES.intersection(imported):
             item.add_marker(pytest.mark.system)
+
+
+def pytest_collection_finish() -> None:
+    """Exempt what exists now, several thousand tests and all imports, from garbage collection: it is not garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 def _folder(variable: str, default: Path) -> Path:
