@@ -11,6 +11,7 @@ from ...error_model.error_sizes import ErrorSizes
 from ..decision_rules import LEFT, NAMED
 from ..findings import Alternative
 from ..hypotheses.hypothesis import Hypothesis, fitted
+from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion, NamedEffect, remaining_of, unexplained
 from ..inference.effect_size import sizes_of
@@ -95,10 +96,12 @@ class Learning:
         """Return the conclusion with learned laws, and the places of the misfit that the first one describes.
 
         What no list holds is imitated by what a list holds. Laws are therefore fitted beside the named effects, beside
-        fewer of them, beside none, and beside the best single effects that were `tried`, and all compete.
+        fewer of them, beside none, and beside the best single effects that were `tried`, and all compete. An artefact of
+        unknown cause is not one of these effects: it imitates nothing.
         """
         parents = [conclusion.final, *(one.without for one in conclusion.named), conclusion.null]
-        found, places = self._extended(conclusion, [*parents, *(one for one in tried if len(one.effects) == 1)])
+        single = (one for one in tried if len(one.effects) == 1 and one.effects[0].effect.name != UNKNOWN)
+        found, places = self._extended(conclusion, [*parents, *single])
         for _ in range(_LAWS - 1):
             if found is conclusion or not found.something_left:
                 break
