@@ -96,8 +96,8 @@ class Learning:
         """Return the conclusion with learned laws, and the places of the misfit that the first one describes.
 
         What no list holds is imitated by what a list holds. Laws are therefore fitted beside the named effects, beside
-        fewer of them, beside none, and beside the best single effects that were `tried`, and all compete. An artefact of
-        unknown cause is not one of these effects: it imitates nothing.
+        fewer of them, beside none, and beside the best single effects that were `tried`, and all compete. Artefacts of
+        unknown cause are no such effects: they imitate nothing.
         """
         parents = [conclusion.final, *(one.without for one in conclusion.named), conclusion.null]
         single = (one for one in tried if len(one.effects) == 1 and one.effects[0].effect.name != UNKNOWN)

@@ -29,7 +29,7 @@ from pzctl.sim.bench.sample import sample
 from pzctl.sim.server import SimOptions, running
 
 BUILD = read_build(THESIS_BUILD)
-F = np.linspace(3e6, 5e6, 161)
+F = np.linspace(3e6, 5e6, 101)
 NOISE = 5e-5
 INSTRUMENT = replace(CAPABILITIES, noise=lambda plan, f, Z: np.full(f.size, NOISE))
 STILL = ("stray-capacitance", "electrode-mass")
@@ -103,7 +103,7 @@ def test_proposed_sweeps_are_within_the_analyzers_capabilities() -> None:
 def test_proposed_sweeps_are_possible_and_differ_as_stated() -> None:
     sweep = swept()
     base = plan_of(sweep)
-    for one in experiments([sweep, swept(f=np.linspace(1e6, 9e6, 161))], INSTRUMENT):
+    for one in experiments([sweep, swept(f=np.linspace(1e6, 9e6, 101))], INSTRUMENT):
         f = frequencies(one.plan)
         assert 40 <= f[0] < f[-1] <= 110e6, one.kind
         assert f.size == one.plan.segments[0].points <= 801
@@ -166,7 +166,7 @@ def test_a_wider_sweep_distinguishes_a_lead_from_a_cable() -> None:
     considered = ("lead-inductance", "cable", "series-resistance", *STILL)
     with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
         bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")
-        own = analyzer.measure(SweepPlan((Segment(3.5e6, 4.5e6, 81),), oscillator_V=0.5, bandwidth=5))
+        own = analyzer.measure(SweepPlan((Segment(3.5e6, 4.5e6, 61),), oscillator_V=0.5, bandwidth=5))
         task = FitTask(BUILD, {"disk": own})
         asked = [one.experiment for one in proposals(task, diagnose(task, considered), INSTRUMENT)]
         further = [sweep for one in asked for sweep in analyzer.measure(one.plan)]

@@ -20,7 +20,7 @@ from pzctl.models.sweep import Sweep
 
 BUILD = read_build(THESIS_BUILD)
 STACK = stack_of(BUILD, BUILD.step("disk"))
-F = np.linspace(1.5e6, 7.5e6, 101)
+F = np.linspace(1.5e6, 7.5e6, 81)
 EFFECTS = ("lead-inductance", "leakage")
 
 
