@@ -1,5 +1,7 @@
 """Requested fits and diagnoses: done once, by any installed fitter, in their own process."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,13 +12,14 @@ from pzctl.daemon.files.worker_limits import Limits
 from pzctl.daemon.wire.events import DiagnosisEvent, FitEvent
 from pzctl.fitters.interface import FitError
 from pzctl.models.build import Build
+from pzctl.models.sweep_plan import Segment, SweepPlan
 
 THESIS = THESIS_BUILD
 
 
 def test_a_fit_and_a_diagnosis_of_what_was_measured(start_daemon) -> None:
     start_daemon()
-    known = read_build(THESIS)
+    known = replace(read_build(THESIS), plan=SweepPlan((Segment(1e6, 6e6, 201),)))
     with pzctl.connect() as lab:
         lab.bench({"command": "hidden", "series-resistance": 0.5})
         measurement = lab.measure(known, "disk").id

@@ -20,7 +20,7 @@ ECHO = "guest_examples:Echo"
     ("fitter", "limits", "says"),
     [
         ("Hangs", Limits(seconds=1.0), r"crashed 2 times over this measurement: gave no answer within 1 s"),
-        ("Leaks", Limits(memory_MB=1500), r"crashed 2 times .* needs more than the allowed 1500 MB"),
+        ("Leaks", Limits(memory_MB=1000), r"crashed 2 times .* needs more than the allowed 1000 MB"),
         ("Chatters", Limits(), r"failed: OSError: .*File too large"),
     ],
 )

@@ -208,14 +208,14 @@ def test_a_finer_mesh_does_not_change_the_result(five):
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_the_reduced_disk_equals_the_full_one_within_its_box(five, seed):
     full, reduced = five
     rng = np.random.default_rng(seed)
     tan = np.where(np.arange(10) < 5, rng.uniform(0.005, 0.02), np.where(np.arange(10) < 8, 0.0, -0.015))
-    c = np.tile(sampled(rng) * (1 + 1j * tan), (201, 1))
-    f, shape = np.linspace(0.05e6, 1.6e6, 201), Shape(5e-3, 2e-3, DENSITY)
-    some = slice(None, None, 25)
+    c = np.tile(sampled(rng) * (1 + 1j * tan), (101, 1))
+    f, shape = np.linspace(0.05e6, 1.6e6, 101), Shape(5e-3, 2e-3, DENSITY)
+    some = slice(None, None, 20)
     C2 = capacitance(reduced, shape, c, f)
     np.testing.assert_allclose(C2[some] / full.capacitance(shape, c[some], f[some]), 1, atol=1e-4)
     assert np.all(C2.imag < 0)  # passive constants, a passive disk
@@ -223,7 +223,7 @@ def test_the_reduced_disk_equals_the_full_one_within_its_box(five, seed):
 
 def test_derivatives_by_every_parameter(five):
     model = disk(five[1])
-    f = np.linspace(0.1e6, 1.5e6, 401)
+    f = np.linspace(0.1e6, 1.5e6, 101)
     names = list(model.parameters())
     Z, found = model.jacobian(f, names)
     np.testing.assert_allclose(Z, model.impedance(f), rtol=1e-12)
