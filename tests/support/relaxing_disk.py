@@ -14,10 +14,10 @@ F = np.linspace(1.5e6, 7.5e6, 151)
 NOISE = 2e-4
 
 
-def recorded(Z: np.ndarray, f: np.ndarray = F) -> FitTask:
+def recorded(Z: np.ndarray, f: np.ndarray = F, noise: float = NOISE) -> FitTask:
     """Return the task of a sweep of the disk with noise."""
     random = np.random.default_rng(3)
-    noisy = Z * np.exp(NOISE * (random.normal(size=f.size) + 1j * random.normal(size=f.size)))
+    noisy = Z * np.exp(noise * (random.normal(size=f.size) + 1j * random.normal(size=f.size)))
     return FitTask(BUILD, {"disk": (Sweep(f, noisy),)})
 
 

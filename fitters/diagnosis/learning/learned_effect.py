@@ -15,6 +15,7 @@ from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion, NamedEffect, remaining_of, unexplained
 from ..inference.effect_size import sizes_of
+from ..search.weak_lines import weak_lines
 from .laws import LearnedCorrection, learned_laws
 from .places import PlacedCorrection, placed_corrections
 
@@ -82,7 +83,7 @@ class _Choice:
         return max(same, key=lambda one: one.log_evidence, default=None)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Learning:
     """The search for laws beside hypotheses of catalogue effects."""
 
@@ -160,13 +161,25 @@ class Learning:
         return fitted(self.problem, one.effects, one.values, (ErrorSizes(),), near=False, rounds=0)
 
     def _final(self, choice: _Choice) -> Hypothesis:
-        """Return the best explanation, with smooth errors of the constants if it is better with them."""
-        best = choice.best.hypothesis
+        """Return the best explanation beside its own lines, with smooth errors of the constants if these are better."""
+        best = self._beside_its_lines(choice.best.hypothesis)
         try:
             made = fitted(self.problem, best.effects, best.values, (best.fit.sizes,), near=True)
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return best
         return max(best, made, key=lambda hypothesis: hypothesis.log_evidence)
+
+    def _beside_its_lines(self, one: Hypothesis) -> Hypothesis:
+        """Make the weak lines that a hypothesis leaves part of the error model; return it fitted beside them.
+
+        Those that the catalogue's best explanation has left are no lines of the device if a law explains them. They
+        would absorb whatever constants that are slightly wrong leave at these frequencies.
+        """
+        lines = weak_lines(one)
+        if set(lines) == set(self.problem.lines):
+            return one
+        self.problem = replace(self.problem, lines=lines)
+        return fitted(self.problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=False)
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:

@@ -54,6 +54,18 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
     assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
 
 
+def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: Device) -> None:
+    """Without the law some points at the resonance pass for a weak line; beside it they determine the constants."""
+    f = np.linspace(1.5e6, 7.5e6, 61)
+    task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 5e-9, f, noise=3e-5)
+    diagnosis = diagnose(task, effects=("polarity",), learn=True)
+    (finding,) = diagnosis.findings
+    assert (diagnosis.verdict, finding.effect, finding.where) == ("explained", "learned", "terminals")
+    assert finding.parameters["inductance"].value == pytest.approx(5e-9, rel=1e-3)
+    assert diagnosis.final.chi2_per_dof < 1.3
+    assert diagnosis.final.held_out < 1.3
+
+
 def _candidate(effect: Effect, where: str, stack: Stack) -> Candidate:
     return Candidate(effect, where, ("disk",), effect.effect_parameters(stack, where))
 
