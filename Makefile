@@ -8,7 +8,9 @@ help: ## list the targets
 demo: .venv/installed ## demonstration: a simulated transducer, measured and fitted after each gluing step
 	$(BIN)/pzctl measure --fit
 
+# In a new clone two processes compile half of the tests each: otherwise every process of the run would compile all of them.
 test: .venv/ready ## run the tests
+	@test -d tests/__pycache__ || find tests -name 'test_*.py' -not -path 'tests/benchmarks/*' | xargs -P 2 -n 150 $(BIN)/pytest --collect-only -qq > /dev/null
 	$(BIN)/pytest -n auto --dist worksteal
 
 check: .venv/ready ## lint, format, import contracts, types
