@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -81,9 +82,11 @@ def test_processes_answer_as_one_by_one(on_cores: tuple[BatchOutcome, ...]) -> N
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", host="127.0.0.1"
-    ) as running:
+    local = {"dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+    with (
+        mock.patch.dict(os.environ),  # Dask sets PYTHONHASHSEED and leaves it: nothing would be forked after it
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, **local) as running,
+    ):
         yield running.scheduler_address
 
 
