@@ -194,15 +194,18 @@ def _recorded(rng: np.random.Generator) -> MadePair:
     size = str(rng.choice(["150", "220", "330", "680"]))
     sweep = read_recording(RECORDINGS / "air-40khz" / f"coil_{size}u_1kHz_20MHz.csv")
     own_resonance = sweep.frequency[int(np.argmax(np.abs(sweep.impedance)))]
-    low, high = 6e5, min(0.9 * own_resonance, 3e6)
-    chosen = (sweep.frequency > low) & (sweep.frequency < high)
+    low, high = 6e5, min(0.8 * own_resonance, 2.9e6)
+    chosen = (sweep.frequency >= low) & (sweep.frequency <= high)
+    low, high = (float(v) for v in sweep.frequency[chosen][[0, -1]])
     f = np.linspace(low, high, int(rng.choice([201, 401])))
+    # Without its own capacitance a coil is smooth; near its own resonance the impedance itself is not.
     u = np.log(sweep.frequency[chosen])
-    y = np.log(np.abs(sweep.impedance[chosen])) + 1j * np.unwrap(np.angle(sweep.impedance[chosen]))
-    degree = min(5, u.size // 3)  # far from its own resonance a coil is smooth
+    inductive = sweep.impedance[chosen] * (1 - (sweep.frequency[chosen] / own_resonance) ** 2)
+    y = np.log(np.abs(inductive)) + 1j * np.unwrap(np.angle(inductive))
     x = 2 * (np.log(f) - u[0]) / (u[-1] - u[0]) - 1
-    fit = np.polynomial.chebyshev.chebfit(2 * (u - u[0]) / (u[-1] - u[0]) - 1, np.stack([y.real, y.imag], 1), degree)
-    z = np.exp(np.polynomial.chebyshev.chebval(x, fit[:, 0]) + 1j * np.polynomial.chebyshev.chebval(x, fit[:, 1]))
+    fit = np.polynomial.chebyshev.chebfit(2 * (u - u[0]) / (u[-1] - u[0]) - 1, np.stack([y.real, y.imag], 1), 5)
+    smooth = np.polynomial.chebyshev.chebval(x, fit[:, 0]) + 1j * np.polynomial.chebyshev.chebval(x, fit[:, 1])
+    z = np.exp(smooth) / (1 - (f / own_resonance) ** 2)
     middle = float(np.sqrt(low * high))
     at = int(np.argmin(np.abs(f - middle)))
     L = inductance(f, z * (1 - (f / own_resonance) ** 2))  # without its own capacitance

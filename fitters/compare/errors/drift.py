@@ -4,7 +4,7 @@ A device drifts as it is when nothing is between it and the analyzer. So its res
 shows it bare: that before, or that after if something was removed. Drift is linearised about what has been found of it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -61,11 +61,11 @@ class Drift:
         self._Y: Complexes = np.asarray(1 / (self.pair.after if point.after else self.pair.before), np.complex128)
         self.slope, rest, self._slope_error = slope_of(f, 1 / self._Y, self.own)
         self._bend = np.gradient(rest, u)
+        self._each = self._of_each()
         ends = float(u[0]), float(u[-1])
         span = max(ends[1] - ends[0], 1e-6)
-        varying = rest[:, None] * smooth(u, ends, max(_LENGTH, span / 12), 10)
+        varying = self._varying(rest, lambda at: smooth(at, ends, max(_LENGTH, span / 12), 10))
         self._rest = rest[:, None], np.hstack([varying, 1j * _LOSSES * varying])
-        self._each = self._of_each()
 
     def _applied(self, pair: Pair, own: Resonances) -> tuple[Pair, Resonances]:
         """Return the pair as if the device of the recording before were that of the recording after."""
@@ -81,6 +81,21 @@ class Drift:
         """Drift of each resonance in ln frequency, ln Q and ln strength for a unit drift of the frequency, (3P,)."""
         one = np.ones(self.own.q.size)
         return np.concatenate([one, np.hypot(2 * _LOSSES * self.own.q, _DAMPING), one])
+
+    def _varying(self, rest: Complexes, functions: Callable[[Reals], Reals]) -> Complexes:
+        """Return d ln Z by a shift that varies over frequency, shape (N, M), beside the shifts of the resonances.
+
+        It shifts the remainder, and the skirts of each resonance relative to its middle: what is called one resonance
+        may be several, and those drift each by itself.
+        """
+        made = rest[:, None] * functions(self.pair.log_f)
+        own = self.own
+        if own.poles.size:
+            each = self._each[:, : own.poles.size]
+            inside = np.clip(np.log(np.abs(own.poles)), self.pair.log_f[0], self.pair.log_f[-1])
+            middle = functions(inside)
+            made = made + np.sum(each, axis=1)[:, None] * functions(self.pair.log_f) - each @ middle
+        return np.asarray(made, np.complex128)
 
     def _of_each(self) -> Complexes:
         """Return d ln Z of the device / d ln frequency, ln Q and ln strength of each resonance, shape (N, 3P)."""

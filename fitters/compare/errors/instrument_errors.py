@@ -29,8 +29,9 @@ class InstrumentErrors:
         """Take a pair: its band, the recording after, and the noise of its reflection."""
         f, u = pair.frequency, pair.log_f
         ends = float(u[0]), float(u[-1])
-        slow = smooth(u, ends, _SLOW, 4)
-        fast = _QUICK * smooth(u, ends, max(_FAST, max(ends[1] - ends[0], 1e-6) / 12), 6)
+        span = max(ends[1] - ends[0], 1e-6)
+        slow = smooth(u, ends, min(_SLOW, span), 4)
+        fast = _QUICK * smooth(u, ends, max(_FAST, span / 12), 6)
         self._gain = INSTRUMENT * np.column_stack([slow, fast])
         self._jw, self._skin = j_omega(f), skin(f)
         self._after, self._reflection = pair.after, pair.reflection

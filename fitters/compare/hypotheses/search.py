@@ -72,7 +72,7 @@ class Searched:
 
 def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Searched:
     """Return the hypotheses fitted to a pair; `after`: poles of the second recording, found from those of the first."""
-    nothing = fitted(Hypothesis(()), errors, np.zeros(0))
+    nothing = _unchanged(errors)
     fits: dict[tuple[Change, ...], Fitted] = {(): nothing}
     singles = [Hypothesis((change,)) for change in changes]
     starts = [(one, *_started(one, errors, np.zeros(0), 0)) for one in singles]
@@ -99,6 +99,16 @@ def search(errors: PairErrors, changes: Sequence[Change], after: PoleFit) -> Sea
         fits[hypothesis.changes] = fitted(hypothesis, errors, plain_fit(hypothesis, errors, every[1])[1])
     ranked = tuple(_ranked(fits.values()))
     return Searched(ranked, nothing, nothing_in_common(ranked[0]))
+
+
+def _unchanged(errors: PairErrors) -> Fitted:
+    """Return the hypothesis without any change.
+
+    Both recordings show the device bare then, so that its drift may be that of either one's resonances: of those that
+    describe it better.
+    """
+    sides = (errors, errors.from_after())
+    return max((fitted(Hypothesis(()), one, np.zeros(0)) for one in sides), key=lambda fit: fit.log_posterior)
 
 
 def _again(parent: Fitted, fits: Iterable[Fitted], errors: PairErrors) -> Fitted:
