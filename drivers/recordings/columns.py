@@ -18,8 +18,10 @@ _NAMES = {
     "X": "x xs im(z) imag(z) imz z'' reactance blindwiderstand",
     "G": "g gp re(y) real(y) conductance wirkleitwert",
     "B": "b bp im(y) imag(y) susceptance blindleitwert",
-    "|Z|": "|z| abs(z) mag(z) zmod zabs zmag impedance impedanz scheinwiderstand betrag(z) module(z)",
-    "theta": "theta theta-z θ θz theta(z) phase phase(z) arg(z) phase-z phaseangle phasenwinkel dephasage",
+    "|Z|": "|z| abs(z) mag(z) zmod zabs zmag impedance impedanz scheinwiderstand betrag(z) module(z) "
+    "impedance:magnitude magnitude(z) impedanz:betrag",
+    "theta": "theta th theta-z θ θz theta(z) phase phase(z) arg(z) phase-z phaseangle phasenwinkel dephasage "
+    "impedance:phase impedanz:phase",
     "|Y|": "|y| abs(y) mag(y) yabs ymag admittance admittanz scheinleitwert betrag(y) module(y)",
     "theta-y": "theta-y θy theta(y) phase(y) arg(y) phase-y",
     "Cp": "cp parallelkapazitat capaciteparallele",
@@ -51,6 +53,10 @@ _BASES = {
 }
 _PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "n": 1e-9}
 _PREFIXES["p"] = 1e-12
+_DECIBELS = {f"db{unit}" for unit in ("ohm", "\u03c9", "s", "siemens")}
+"""Of |Z| or |Y|, relative to one ohm or one siemens."""
+_TRACE = re.compile(r"trace ?\d* ?:? ?(?=\S)", re.IGNORECASE)
+"""What network analyzers write before the name of a quantity."""
 _NO_UNIT_SAID = {*_OHM, *_SIEMENS}
 _EXAMPLE = {"f": "frequency_Hz", "theta": "theta_deg", "theta-y": "theta-y_deg"}
 _WITH_UNIT = re.compile(r"(.+?) ?(?:[(\[] ?([^()\[\]]*?) ?[)\]]|/ ?(\S+)|_([^\W_]+|°))")
@@ -79,6 +85,11 @@ class ColumnMeaning:
     unit: str | None
     """None if the name has none."""
 
+    @property
+    def in_decibels(self) -> bool:
+        """Whether its numbers are 20 lg of the quantity in SI units."""
+        return self.quantity in ("|Z|", "|Y|") and _plain(self.unit or "") in _DECIBELS
+
 
 def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnMeaning]:
     """Return the recognised columns of a header row, ignoring others.
@@ -101,7 +112,7 @@ def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnM
 def _column(index: int, cell: str) -> ColumnMeaning | None:
     name = " ".join(cell.strip().strip("\"'").split())
     memory = name.casefold().endswith("-mem")
-    name = re.sub(r"-(data|mem)$", "", name, flags=re.IGNORECASE)
+    name = _TRACE.sub("", re.sub(r"-(data|mem)$", "", name, flags=re.IGNORECASE), count=1)
     quantity, unit = QUANTITIES.get(_plain(name)), None
     split = None if quantity else _WITH_UNIT.fullmatch(name)
     if split:
@@ -113,6 +124,9 @@ def _column(index: int, cell: str) -> ColumnMeaning | None:
 
 def _in_si(page: TextFile, column: ColumnMeaning, numbers: Reals, line: int) -> Reals:
     """Return the numbers of a column in SI units. Raises RecordingError for an unknown unit."""
+    if column.in_decibels:
+        with np.errstate(over="ignore"):
+            return np.asarray(10 ** (numbers / 20), np.float64)
     if column.factor is None:
         says = f"has the unit {clipped(column.unit)!r}" if column.unit else "has no unit"
         units = "Hz, kHz, MHz or GHz" if column.quantity == "f" else f"a unit such as {_BASES[column.quantity][0]}"
@@ -158,10 +172,11 @@ def pair_of(page: TextFile, columns: Sequence[ColumnMeaning], line: int) -> tupl
                 raise page.error(line, sign_lost(parameter))
             return parameter, named[first], named[second]
     found = ", ".join(name for name in named if name != "f") or "none"
+    needed = "two columns of one kind are needed, such as R_ohm,X_ohm or |Z|_ohm,theta_deg or G_S,B_S"
+    if found in ("|Z|", "|Y|"):
+        needed = f"the phase is needed beside {found}, for example in a column theta_deg"
     raise page.error(
-        line,
-        f"the columns do not determine an impedance (recognised besides the frequency: {found}); two columns of one "
-        "kind are needed, such as R_ohm,X_ohm or |Z|_ohm,theta_deg or G_S,B_S",
+        line, f"the columns do not determine an impedance (recognised besides the frequency: {found}); {needed}"
     )
 
 

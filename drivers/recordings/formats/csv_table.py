@@ -30,7 +30,8 @@ def read_table(page: TextFile, columns: str | None = None) -> tuple[Sweep, Sweep
     at = lines[0][0]
     separator, names, rows = _with_names(page, lines, columns) if columns else _with_header(page, lines)
     if len(names) < 3:
-        raise page.error(at, f"no recording: {len(names)} column(s) found; a frequency and two quantities are needed")
+        needed = "a frequency and two quantities are needed, such as |Z| and its phase"
+        raise page.error(at, f"no recording: {len(names)} column(s) found; {needed}")
     known = read_header(page, names, at)
     body = [(n, _cells(text, separator)) for n, text in rows]
     check_points(page, provenance.rows, len(body))

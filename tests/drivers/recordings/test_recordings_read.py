@@ -2,6 +2,7 @@
 
 import cmath
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -173,6 +174,8 @@ def test_pairs_that_lose_the_sign_of_x_are_refused(tmp_path: Path, parameter: st
         ("Fréquence (kHz)\tImpédance (Ω)\tPhase (degrés)", "1e3\t5,0\t0", 5 + 0j),
         ("Fréquence (Hz);Résistance (Ohm);Réactance (Ohm)", "1e6;3,0;-4,0", 3 - 4j),
         ("Frequency (Hz)  R (Ohm) X (Ohm)", "1e6 3   -4", 3 - 4j),
+        ("Frequency (Hz);Trace |Z| (dBOhm);Trace th (deg)", "1e6;40;-90", -100j),
+        ("Frequency (Hz),Trace 1: Impedance: Magnitude (dBΩ),Trace 1: Impedance: Phase (°)", "1e6,40,-90", -100j),
     ],
 )
 def test_columns_by_name_and_unit(tmp_path: Path, header: str, row: str, z: complex) -> None:
@@ -184,6 +187,21 @@ def test_columns_by_name_and_unit(tmp_path: Path, header: str, row: str, z: comp
     memory = read_memory_trace(file)
     assert (memory is not None) == ("-mem" in header)
     assert memory is None or memory.impedance[0] == pytest.approx(7j)
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "sentence"),
+    [
+        ("frequency_Hz,|Z|_ohm", "1e6,5", "a frequency and two quantities are needed, such as |Z| and its phase"),
+        ("frequency_Hz,|Z|_ohm,remark", "1e6,5,none", "the phase is needed beside |Z|"),
+        ("frequency_Hz,|Z|_dB,theta_deg", "1e6,5,0", "column '|Z|_dB' has the unit 'dB'; a unit such as ohm is needed"),
+    ],
+)
+def test_a_table_that_gives_no_impedance_is_refused(tmp_path: Path, header: str, row: str, sentence: str) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text(f"{header}\n{row}\n{row.replace('1', '2', 1)}\n", encoding="utf-8")
+    with pytest.raises(RecordingError, match=re.escape(sentence)):
+        read_recording(file)
 
 
 @pytest.mark.parametrize("rows", ["1e6,3,-4\n2e6,3,-4", "1e6 3 -4\n2e6 3 -4", "f;R;X\n1e6;3,0;-4,0\n2e6;3,0;-4,0"])
