@@ -40,10 +40,10 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep], build: Build | None
     """
     began = time.monotonic()
     pair = pair_of(before, after)
-    poles = fitted_poles(pair, pair.before, pair.noise_before)
-    own = resonances_of(poles, pair, pair.before)
-    after_poles = fitted_poles(pair, pair.after, pair.noise_after, poles)
-    now = resonances_of(after_poles, pair, pair.after)
+    poles = fitted_poles(pair.frequency, pair.before, pair.noise_before)
+    own = resonances_of(poles, pair.frequency, pair.before)
+    after_poles = fitted_poles(pair.frequency, pair.after, pair.noise_after, poles)
+    now = resonances_of(after_poles, pair.frequency, pair.after)
     levels = driven(pair, own, now)
     own = own if levels is None else levels.resonances
     errors = PairErrors(pair, (own, now))

@@ -12,6 +12,7 @@ from ...models.sweep import Sweep
 from ..engine.noise import noise_of, reflection_noise
 from ..interface import TaskError
 from ..polarity import polarity_of
+from .resonances import fitted_poles, resonances_of, running
 
 _LEAST = 20
 """Fewest common points; with fewer, errors and changes cannot be distinguished."""
@@ -20,8 +21,6 @@ _FLOOR = 1e-5
 _SPLINE = 15.0
 """Twice as many points reduce the error of a cubic spline to a sixteenth, so it is a fifteenth of the difference."""
 _MOSTLY = 0.9
-_SMOOTH = 9
-"""Points over which the error of interpolation and the scatter of repeats are averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,14 +149,11 @@ def _on_grid(Z: Impedances, f: Frequencies, noise: Reals, grid: Frequencies) -> 
     nearest = np.where(np.abs(f[inside] - grid) < np.abs(f[inside - 1] - grid), inside, inside - 1).clip(0)
     if np.allclose(f[nearest], grid, rtol=1e-9, atol=0):
         return y[nearest], np.asarray(noise[nearest], np.float64)
-    made = np.asarray(CubicSpline(u, y)(v), np.complex128)
-    coarse = [CubicSpline(u[k::2], y[k::2])(v) for k in (0, 1)]
-    error = np.sqrt(sum(np.abs(one - made) ** 2 for one in coarse) / 4) / _SPLINE
-    return made, np.hypot(np.interp(v, u, noise), np.sqrt(running(error**2)))
-
-
-def running(values: Reals) -> Reals:
-    """Return the running mean over some points, shape (N,)."""
-    kernel = np.ones(_SMOOTH)
-    weight = np.convolve(np.ones_like(values), kernel, mode="same")
-    return np.convolve(values, kernel, mode="same") / weight
+    # Resonances that the grid hardly resolves are interpolated as poles, and only the remainder by a spline.
+    own = resonances_of(fitted_poles(f, Z, noise), f, Z)
+    rest, there = 1 / Z - np.sum(own.seen(f), axis=1), np.sum(own.seen(grid), axis=1)
+    made, *coarse = (np.log(CubicSpline(u[k::n], rest[k::n])(v) + there) for k, n in ((0, 1), (0, 2), (1, 2)))
+    error = np.sqrt(sum(np.abs(np.exp(one - made) - 1) ** 2 for one in coarse) / 4) / _SPLINE
+    phase = np.asarray(np.interp(v, u, y.imag) + made.imag, np.float64)
+    curve = np.asarray(2j * np.pi * np.round(phase / (2 * np.pi)) - made, np.complex128)
+    return curve, np.hypot(np.interp(v, u, noise), np.sqrt(running(error**2)))

@@ -6,17 +6,19 @@ The poles are those of the rational fit of the data checks (`fitters/diagnosis/d
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ...models.sweep import Sweep
 from ..diagnosis.data_quality.pole_fit import Frame, PoleFit
 from ..diagnosis.data_quality.vector_fitting import frame_for_poles, vector_fitted
-from .pair import Pair, running
 
 _ERROR = 3e-4
 """Error of ln Z below which more poles are useless."""
 _LEAST_Q = 3.0
+_SMOOTH = 9
+"""Points over which the error of an interpolation and the scatter of repeats are averaged."""
 _BEYOND = 1.05
 """Factor by which a resonance may lie outside the band."""
 _SLOPE = 3.0
@@ -38,6 +40,14 @@ class Resonances:
     def q(self) -> Reals:
         """Quality factors, shape (P,)."""
         return np.abs(self.poles) / (-2 * self.poles.real)
+
+    def resolved(self, frequency: Frequencies) -> NDArray[np.bool_]:
+        """Return which are as wide as the step of a grid, shape (P,).
+
+        Between two points of the grid a narrower one is hardly seen, and its pole may be wrong, or one of two for one.
+        """
+        steps = np.interp(np.abs(self.poles), frequency[1:], np.diff(frequency))
+        return np.asarray(-2 * self.poles.real >= steps, np.bool_)
 
     def seen(self, frequency: Frequencies) -> Complexes:
         """Return the admittance of each, S, shape (N, P)."""
@@ -82,16 +92,15 @@ def changed(
     return moved, np.asarray(residues * turn * np.exp(strength + 2 * shift), np.complex128)
 
 
-def fitted_poles(pair: Pair, Z: Impedances, noise: Reals, start: PoleFit | None = None) -> PoleFit:
-    """Return the rational fit to one side of a pair."""
-    sweep = Sweep(pair.frequency, Z)
+def fitted_poles(f: Frequencies, Z: Impedances, noise: Reals, start: PoleFit | None = None) -> PoleFit:
+    """Return the rational fit to a recording, ohm, with this noise of ln Z, shapes (N,)."""
+    sweep = Sweep(f, Z)
     frame = Frame.of(sweep, np.hypot(noise, _ERROR), np.ones(Z.size, np.bool_))
     return vector_fitted(frame_for_poles(frame), None if start is None else start.poles)
 
 
-def resonances_of(fit: PoleFit, pair: Pair, Z: Impedances) -> Resonances:
+def resonances_of(fit: PoleFit, f: Frequencies, Z: Impedances) -> Resonances:
     """Return the poles of a fit that are resonances in the band."""
-    f = pair.frequency
     middle = float(np.sqrt(f[0] * f[-1]))
     scale = float(np.median(np.abs(1 / Z)))
     poles = fit.poles * middle
@@ -118,3 +127,10 @@ def slope_of(f: Frequencies, Z: Impedances, own: Resonances) -> tuple[Complexes,
     error = np.max([np.abs(half - rest) for half in halves], axis=0) / np.abs(Y) / _SLOPE
     slope = np.asarray(-(rest + np.sum(exact, axis=1)) / Y, np.complex128)
     return slope, np.asarray((remainder - rest) / -Y, np.complex128), np.sqrt(running(error**2))
+
+
+def running(values: Reals) -> Reals:
+    """Return the running mean over some points, shape (N,)."""
+    kernel = np.ones(_SMOOTH)
+    weight = np.convolve(np.ones_like(values), kernel, mode="same")
+    return np.convolve(values, kernel, mode="same") / weight

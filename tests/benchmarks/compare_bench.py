@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from compare_world import MadePair, cable, inductance, of_cable, seen_through, series, shunt
+from compare_world import MadePair, coax, inductance, seen_through, series, shunt
 
 from pzctl.models.sweep import Sweep
 
@@ -124,8 +124,7 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
     elements: list[np.ndarray] = []
     if kind == "cable":
         meters = 10 ** rng.uniform(-0.2, 0.4)
-        elements = [cable(g, meters, 50.0, 0.03)]
-        sizes = of_cable(g, meters, 50.0, 0.03)
+        elements, sizes = coax(rng, g, meters, 50.0, 2e8)
         made = replace(made, effect="cable", also=("stray-capacitance", "lead-inductance"), sizes=sizes)
     elif kind == "coil":
         L = zm * 10 ** rng.uniform(-0.7, 0.1) / w

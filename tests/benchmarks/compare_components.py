@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from compare_bench import Mode, admittance, as_written, branch
-from compare_world import LEVEL, RECORDINGS, MadePair, inductance, seen_through, series, shunt
-from scipy.special import ive
+from compare_world import LEVEL, RECORDINGS, MadePair, coax, inductance, round_wire, seen_through, series, shunt
 
 from pzctl.drivers.recordings import read_recording
 
@@ -19,32 +18,10 @@ Device = Callable[[np.ndarray, bool], np.ndarray]
 """Returns the admittance at frequencies, before or after the drift."""
 
 
-def round_wire(f: np.ndarray, meters: float, radius: float) -> np.ndarray:
-    """Return the internal impedance of a round copper wire, ohm, by Bessel functions."""
-    gamma = np.sqrt(2j * np.pi * f * 4e-7 * np.pi * 5.8e7)
-    z = gamma * radius
-    return gamma / (2 * np.pi * radius * 5.8e7) * ive(0, z) / ive(1, z) * meters
-
-
 def wire(rng: np.random.Generator, f: np.ndarray, henry: float) -> np.ndarray:
     """Return the impedance of a wire with this external inductance, the resistance of its length and its contacts."""
     inside = round_wire(f, henry / 1e-6, 10 ** rng.uniform(-3.8, -3.2))
     return 2j * np.pi * f * henry + inside + 10 ** rng.uniform(-3, -1)
-
-
-def coax(
-    rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, speed: float
-) -> tuple[list[np.ndarray], tuple[tuple[str, float], ...]]:
-    """Return a coaxial cable: external inductance, wire, capacitance and loss of the dielectric; and its sizes."""
-    w = 2 * np.pi * f
-    inner = 10 ** rng.uniform(-3.8, -3.3)
-    z = 1j * w * ohm / speed + round_wire(f, 1.0, inner) * (1 + 0.3)
-    y = 1j * w / (ohm * speed) * (1 - 1j * 10 ** rng.uniform(-4, -3))
-    root, Z0 = np.sqrt(z * y) * meters, np.sqrt(z / y)
-    M = np.empty((f.size, 2, 2), complex)
-    M[:, 0, 0] = M[:, 1, 1] = np.cosh(root)
-    M[:, 0, 1], M[:, 1, 0] = Z0 * np.sinh(root), np.sinh(root) / Z0
-    return [M], (("capacitance", meters / ohm / speed), ("inductance", meters * inductance(f, z)))
 
 
 def coil(rng: np.random.Generator, f: np.ndarray, henry: float, middle: float) -> tuple[np.ndarray, float]:

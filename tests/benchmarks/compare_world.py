@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import BarycentricInterpolator
+from scipy.special import ive
 
 from pzctl.drivers.recordings import RecordingError, read_recording
 from pzctl.models.sweep import Sweep
@@ -70,27 +71,31 @@ def shunt(y: np.ndarray) -> np.ndarray:
     return M
 
 
-def cable(f: np.ndarray, meters: float, ohm: float, db_per_m: float) -> np.ndarray:
-    """A line by its scattering matrix, with attenuation in dB/m at 1 MHz that grows as the root of frequency."""
-    alpha = db_per_m / 8.685889638 * np.sqrt(f / 1e6) * meters
-    forward = np.exp(alpha + 1j * (2 * np.pi * f / 2e8 * meters + alpha))
+def round_wire(f: np.ndarray, meters: float, radius: float) -> np.ndarray:
+    """Return the internal impedance of a round copper wire, ohm, by Bessel functions."""
+    gamma = np.sqrt(2j * np.pi * f * 4e-7 * np.pi * 5.8e7)
+    z = gamma * radius
+    return gamma / (2 * np.pi * radius * 5.8e7) * ive(0, z) / ive(1, z) * meters
+
+
+def coax(
+    rng: np.random.Generator, f: np.ndarray, meters: float, ohm: float, speed: float
+) -> tuple[list[np.ndarray], tuple[tuple[str, float], ...]]:
+    """Return a coaxial cable: external inductance, wire, capacitance and loss of the dielectric; and its sizes."""
+    w = 2 * np.pi * f
+    inner = 10 ** rng.uniform(-3.8, -3.3)
+    z = 1j * w * ohm / speed + round_wire(f, 1.0, inner) * (1 + 0.3)
+    y = 1j * w / (ohm * speed) * (1 - 1j * 10 ** rng.uniform(-4, -3))
+    root, Z0 = np.sqrt(z * y) * meters, np.sqrt(z / y)
     M = np.empty((f.size, 2, 2), complex)
-    M[:, 0, 0] = M[:, 1, 1] = (forward + 1 / forward) / 2
-    M[:, 0, 1] = ohm * (forward - 1 / forward) / 2
-    M[:, 1, 0] = (forward - 1 / forward) / 2 / ohm
-    return M
+    M[:, 0, 0] = M[:, 1, 1] = np.cosh(root)
+    M[:, 0, 1], M[:, 1, 0] = Z0 * np.sinh(root), np.sinh(root) / Z0
+    return [M], (("capacitance", meters / ohm / speed), ("inductance", meters * inductance(f, z)))
 
 
 def inductance(f: np.ndarray, z: np.ndarray) -> float:
     """Return the inductance in the middle of the band."""
     return float(np.interp(np.sqrt(f[0] * f[-1]), f, z.imag / (2 * np.pi * f)))
-
-
-def of_cable(f: np.ndarray, meters: float, ohm: float, db_per_m: float) -> tuple[tuple[str, float], ...]:
-    """Return capacitance and inductance of a cable in the middle of the band, with the skin effect in its delay."""
-    middle = float(np.sqrt(f[0] * f[-1]))
-    delay = meters / 2e8 + db_per_m / 8.685889638 * np.sqrt(middle / 1e6) * meters / (2 * np.pi * middle)
-    return (("capacitance", delay / ohm), ("inductance", delay * ohm))
 
 
 Draw = Callable[[np.random.Generator, np.ndarray, float], tuple[list[np.ndarray], tuple]]
@@ -101,7 +106,7 @@ def _lead_or_coil(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[l
     L = part * zm / w[f.size // 2]
     if L < 2e-6:
         z = 1j * w * L + 0.1 * part * rng.uniform() + 1e-2 * np.sqrt(f / 1e6) * (1 + 1j) * rng.uniform()
-        return [series(z)], ("lead-inductance", ("series-coil",), (("inductance", L),))
+        return [series(z)], ("lead-inductance", ("series-coil",), (("inductance", inductance(f, z)),))
     z = 1j * w * L + w[f.size // 2] * L / rng.uniform(20, 100)
     own = min(10e-12, 0.02 / (w[-1] ** 2 * L))
     return [series(z / (1 + 1j * w * own * z))], ("series-coil", ("lead-inductance",), (("inductance", L),))
@@ -147,9 +152,9 @@ def _shunt_g(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[list[n
 
 def _cable(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[list[np.ndarray], tuple]:
     meters, ohm = 10 ** rng.uniform(-0.5, 1.0), float(rng.choice([50.0, 75.0, 93.0]))
-    loss = 0.02 * 10 ** rng.uniform(-0.3, 0.3)
     also = ("stray-capacitance", "lead-inductance", "series-coil")
-    return [cable(f, meters, ohm, loss)], ("cable", also, of_cable(f, meters, ohm, loss))
+    elements, sizes = coax(rng, f, meters, ohm, 2e8)
+    return elements, ("cable", also, sizes)
 
 
 DRAWS: tuple[Draw, ...] = (_lead_or_coil, _shunt_coil, _shunt_c, _series_c, _series_r, _shunt_g, _cable)

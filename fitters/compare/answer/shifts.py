@@ -38,7 +38,7 @@ def resonance_shifts(pair: Pair, before: PoleFit, after: PoleFit) -> tuple[Reson
 
 def _told(fit: PoleFit, pair: Pair, Z: Impedances) -> tuple[Complexes, Complexes, Reals]:
     """Return poles, residues, and the standard uncertainties of ln width and frequency, shape (P, 2)."""
-    own = resonances_of(fit, pair, Z)
+    own = resonances_of(fit, pair.frequency, Z)
     J = fit.tangent()
     covariance = np.linalg.pinv(J.T @ J, rcond=1e-12) * max(1.0, fit.chi2_per_dof)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))

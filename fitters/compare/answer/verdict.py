@@ -24,6 +24,8 @@ from .change_findings import fit_without, probability_of
 
 _EXPLAINED = 0.1
 """Largest remainder, relative to the change (root mean square), of an explained change: 99 % of its power."""
+_MISSED = 0.1**0.5
+"""Remainder above which the best explanation explains too little to be named: a tenth of the change's power."""
 _DRIFT, _WARM, _FEW = 3e-4, 1e-3, 0.01
 """Drift that two recordings of one device usually have; that of all frequencies by one factor, as by ten kelvin;
 fraction of points that may differ by more than usual."""
@@ -122,6 +124,8 @@ def decided(searched: Searched, best: Fitted, alike: Sequence[int], pair: Pair) 
         return Told("unexplained", max(other, 1 - still - named), still, named, says)
     change = float(np.sqrt(np.mean(np.abs(pair.change) ** 2)))
     whole = best.shortfall == 0.0 or best.unexplained < _EXPLAINED * change
+    if not whole and best.unexplained > _MISSED * change:
+        return Told("unexplained", 1 - still, still, named, says)
     return Told("explained" if whole else "partly-explained", named, still, named)
 
 

@@ -56,13 +56,14 @@ class Fitted:
 
     @cached_property
     def possible(self) -> bool:
-        """Whether the name of each change fits its sizes, and its first size is determined."""
+        """Whether the name of each change fits its sizes, before and after the last step, and these are known."""
         f = self.at.frequency
         return all(self._seen(k) for k in range(len(self.hypothesis.changes))) and all(
             not isinstance(change, TwoPort | NewResonance)
             or change.possible is None
-            or change.possible(f, self.hypothesis.values(self.x, k))
+            or change.possible(f, self.hypothesis.values(x, k))
             for k, change in enumerate(self.hypothesis.changes)
+            for x in (self.x, self.outcome.total)
         )
 
     def _seen(self, k: int) -> bool:

@@ -76,7 +76,7 @@ def every_resonance(pair: Pair, own: Resonances, after: PoleFit) -> tuple[EveryR
         return None
     sizes = [ChangeSize("capacitance", "1", 0.0, 0.1, signed=True)]
     sizes += [ChangeSize(f"{name} {k}", "1", 0.0, spread, signed=True) for name, spread in _SIZES for k in range(count)]
-    now = resonances_of(after, pair, pair.after)
+    now = resonances_of(after, pair.frequency, pair.after)
     x = np.zeros(1 + 3 * count)
     free = list(range(now.poles.size))
     for k in np.argsort(-np.abs(own.residues / own.poles.real)).tolist():

@@ -141,7 +141,8 @@ def device_changes(pair: Pair, own: Resonances) -> tuple[DeviceChange, ...]:
     made: list[DeviceChange] = [Scaled(own), _new(pair, own)]
     every = tuple(range(own.poles.size))
     if every:
-        strongest = sorted(every, key=lambda k: -abs(own.residues[k] / own.poles[k].real))[:_MOST]
+        resolved = np.flatnonzero(own.resolved(pair.frequency)).tolist()
+        strongest = sorted(resolved, key=lambda k: -abs(own.residues[k] / own.poles[k].real))[:_MOST]
         damped = "All resonances are damped by another factor: losses, a load, a clamp."
         weaker = "All resonances are stronger or weaker by one factor: poling, active area."
         made += [

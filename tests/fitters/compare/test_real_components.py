@@ -34,7 +34,7 @@ def coil(henry: float) -> np.ndarray:
 def test_an_unresolved_resonance_is_one_pole() -> None:
     sweep = recorded(resonator(), 1)
     pair = pair_of([sweep], [sweep])
-    own = resonances_of(fitted_poles(pair, pair.before, pair.noise_before), pair, pair.before)
+    own = resonances_of(fitted_poles(pair.frequency, pair.before, pair.noise_before), pair.frequency, pair.before)
     assert own.poles.imag == pytest.approx([0.981e6, 1.213e6], rel=1e-4)
     assert own.q == pytest.approx([900, 60], rel=0.05)
 
