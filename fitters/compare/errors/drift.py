@@ -24,6 +24,8 @@ STRENGTH = 5.0
 """Common drift of ln strength relative to that of ln f: permittivity depends on temperature more than stiffness."""
 _TOGETHER = np.array([1.0, 1.0, STRENGTH])
 """Common drift of ln frequency, ln Q and ln strength, relative to that of each resonance by itself."""
+DRIFTS = "drift", "strength", "wander"
+"""The kinds of columns of `Drift.columns`, in their order."""
 _FURTHEST = 2e-3
 """Largest drift about which errors are linearised; a larger shift is not drift."""
 _SETTLED, _STRIDE = 0.02, 0.7
@@ -132,7 +134,8 @@ class Drift:
         common = np.sum(each.reshape(each.shape[0], 3, -1), axis=2) * _TOGETHER
         common[:, 0] += (s * together)[:, 0]
         return {
-            "drift": np.asarray(common, np.complex128),
+            "drift": np.asarray(common[:, :2], np.complex128),
+            "strength": np.asarray(common[:, 2:], np.complex128),
             "wander": np.asarray(np.hstack([s * remainder, each]), np.complex128),
         }
 

@@ -28,7 +28,7 @@ from ...error_model.point_covariance import Kernel, PointErrors, spread_of_varia
 from ...error_model.smooth_basis import smooth
 from ..pair import Pair
 from ..resonances import Resonances, slope_of
-from .drift import Drift, DriftPoint
+from .drift import DRIFTS, Drift, DriftPoint
 from .imitation import USUAL_DRIFT, beside, shares_of_drift
 from .instrument_errors import InstrumentErrors
 from .linearised import Linearised, Outcome
@@ -222,7 +222,7 @@ class PairErrors:
         x = a[own.start - 1 : own.stop - 1]
         covariance = inverse[own.start - 1 : own.stop - 1, own.start - 1 : own.stop - 1]
         share = self.shares(at)
-        drift = np.concatenate([a[where[name].start - 1 : where[name].stop - 1] for name in ("drift", "wander")])
+        drift = np.concatenate([a[where[name].start - 1 : where[name].stop - 1] for name in DRIFTS])
         covariance = covariance + USUAL_DRIFT**2 * share @ share.T
         moved = self._drift.moved_by(drift)
         cost = float(G[0, 0] - G[0, 1:] @ a)

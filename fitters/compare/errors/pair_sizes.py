@@ -22,6 +22,7 @@ GRIDS: dict[str, Grid] = {
     "instrument": {0.3: 0.4, 1.0: 0.47, 3.0: 0.1, 10.0: 0.03},
     "fixture": {0.0: 0.5, 1.0: 0.5},
     "drift": {3e-6: 0.2, 3e-5: 0.2, 1e-4: 0.35, 3e-4: 0.2, 1e-3: 0.05},
+    "strength": {3e-6: 0.2, 3e-5: 0.2, 1e-4: 0.35, 3e-4: 0.2, 1e-3: 0.05},
     "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.1},
     "shape": {3e-3: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
 }
@@ -41,7 +42,10 @@ class Sizes:
     instrument: float = 1.0
     fixture: float = 1.0
     drift: float = 1e-4
-    """Common drift of all resonances."""
+    """Common drift of the frequencies and losses of all resonances."""
+    strength: float = 1e-4
+    """Common drift of all strengths, a fifth of it. It has a law of its own: two recordings at one temperature may
+    differ by how the device is held."""
     wander: float = 3e-5
     """Individual drift of each resonance."""
     shape: float = 0.01
@@ -70,7 +74,7 @@ class Sizes:
         return Sizes(**{own.name: min(getattr(self, own.name), getattr(others, own.name)) for own in fields(self)})
 
 
-USUAL = Sizes(1.0, 1.0, 1.0, 1e-3, 3e-4, 0.05, USUAL_REST, max(COLOURS))
+USUAL = Sizes(1.0, 1.0, 1.0, 1e-3, 1e-3, 3e-4, 0.05, USUAL_REST, max(COLOURS))
 """The usual errors of two recordings of one device."""
 
 

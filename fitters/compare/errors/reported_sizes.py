@@ -7,6 +7,7 @@ import numpy as np
 
 from ....models.base.arrays import Complexes, Reals
 from ...error_model.point_covariance import Kernel
+from .drift import DRIFTS
 from .imitation import USUAL_DRIFT
 from .linearised import Linearised, Outcome
 from .pair_errors import PairErrors
@@ -59,7 +60,7 @@ def _reported(
     T = np.zeros((at.x.size, count))
     own, formula = where["x"], where["shape"]
     T[:, own.start - 1 : own.stop - 1] = np.eye(at.x.size)
-    drift = [k for name in ("drift", "wander") for k in range(where[name].start - 1, where[name].stop - 1)]
+    drift = [k for name in DRIFTS for k in range(where[name].start - 1, where[name].stop - 1)]
     T[:, drift] = errors.shares(at)
     width = errors.shape.shape[1]
     middle = errors.shape[int(np.argmin(np.abs(errors.pair.log_f - np.mean(errors.pair.log_f[[0, -1]]))))]

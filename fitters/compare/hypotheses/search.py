@@ -158,7 +158,7 @@ def _whole(best: Fitted) -> bool:
     """Return whether an explanation leaves only noise and small errors; the search then ends."""
     sizes, numbers = best.outcome.sizes, 2 * best.errors.pair.frequency.size
     small = sizes.rest == 0 and sizes.noise <= _QUIET and sizes.instrument <= 1 and sizes.shape <= USUAL.shape
-    small = small and max(sizes.drift, sizes.wander) <= USUAL.wander
+    small = small and max(sizes.drift, sizes.strength, sizes.wander) <= USUAL.wander
     return small and best.outcome.cost < _NOISE_ALONE * numbers
 
 
