@@ -57,3 +57,8 @@ def test_a_matching_layer_that_came_off_is_that_of_the_present_step() -> None:
     (finding,) = compare([recorded(Disk(), 1)], [recorded(Disk(matched=False), 2)], BUILD, "ml1").findings
     assert (finding.effect, finding.where, finding.removed) == ("glued-layer", "layer:ml1", True)
     assert finding.parameters["ml1.z"].value == pytest.approx(10.3e6, rel=0.06)
+
+
+def test_an_unchanged_device_is_unchanged() -> None:
+    device = Disk(matched=False)
+    assert compare([recorded(device, 1)], [recorded(device, 2)], BUILD, "disk").verdict == "unchanged"

@@ -11,7 +11,7 @@ from pzctl.fitters.compare.comparison import Comparison
 from pzctl.fitters.interface import TaskError
 from pzctl.models.sweep import Sweep
 
-F = np.linspace(0.8e6, 1.4e6, 201)
+F = np.linspace(0.8e6, 1.4e6, 121)
 JW = 2j * np.pi * F
 
 
@@ -55,9 +55,7 @@ CHANGES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str, float]] =
 }
 
 
-@pytest.mark.parametrize(
-    ("name", "removed"), [*((name, False) for name in CHANGES), ("a lead", True), ("a cable", True)]
-)
+@pytest.mark.parametrize(("name", "removed"), [*((name, False) for name in CHANGES), ("a cable", True)])
 def test_an_inserted_or_removed_element_is_named_with_its_size(name: str, removed: bool) -> None:
     change, effect, size, true = CHANGES[name]
     bare, changed = recorded(device(), 1), recorded(change(device(F / 1.0001)), 2)
@@ -133,11 +131,11 @@ def test_a_network_analyzer_whose_calibration_moved_has_recorded_no_change() -> 
 
 
 def test_two_different_devices_are_not_described_as_changes_of_one() -> None:
-    rng = np.random.default_rng(4)
-    Y = JW * 4e-10 * (1 - 0.01j)
+    rng, f = np.random.default_rng(4), F[::2]
+    Y = JW[::2] * 4e-10 * (1 - 0.01j)
     for f0 in rng.uniform(0.85e6, 1.35e6, 4):
-        Y = Y + JW * 10 ** rng.uniform(-12, -10.5) / (1 - (F / f0) ** 2 + 1j * F / f0 / 100)
-    found = compare([recorded(device(), 1)], [recorded(1 / Y, 2)])
+        Y = Y + JW[::2] * 10 ** rng.uniform(-12, -10.5) / (1 - (f / f0) ** 2 + 1j * f / f0 / 100)
+    found = compare([recorded(device(f), 1, f)], [recorded(1 / Y, 2, f)])
     assert found.verdict == "unexplained"
     assert not found.findings
     assert found.probability > 0.9
@@ -146,8 +144,10 @@ def test_two_different_devices_are_not_described_as_changes_of_one() -> None:
 
 def test_an_uncertain_change_is_not_reported_as_sure() -> None:
     rng = np.random.default_rng(5)
-    noisy = [Sweep(F, Z * np.exp(0.02 * (rng.normal(size=201) + 1j * rng.normal(size=201)))) for Z in (device(),) * 2]
-    small = Sweep(F, noisy[1].impedance + 1.0)
+    noisy = [
+        Sweep(F, Z * np.exp(0.02 * (rng.normal(size=F.size) + 1j * rng.normal(size=F.size)))) for Z in (device(),) * 2
+    ]
+    small = Sweep(F, noisy[1].impedance + 2.5)
     found = compare([noisy[0]], [small])
     assert found.verdict == "unchanged"
     assert found.probability < 0.9
@@ -161,7 +161,7 @@ def test_the_table_of_resonances_lists_their_shifts() -> None:
 
 
 def test_another_grid_is_interpolated() -> None:
-    f = np.linspace(0.85e6, 1.5e6, 777)
+    f = np.linspace(0.85e6, 1.5e6, 331)
     found = compare([recorded(device(), 1)], [recorded(device(f) + 2j * np.pi * f * 2e-7, 2, f)])
     assert [one.effect for one in found.findings] == ["lead-inductance"]
     assert found.findings[0].parameters["inductance"].value == pytest.approx(2e-7, rel=0.05)

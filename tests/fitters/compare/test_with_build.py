@@ -33,10 +33,6 @@ def test_a_change_inside_is_named_with_place_and_size_although_the_model_describ
     assert found.described_by.rms_log_error > 20 * 2e-4, "the build lacks the lead and the spurious mode"
 
 
-def test_an_unchanged_device_is_unchanged() -> None:
-    assert compared(lambda one: one, "disk").verdict == "unchanged"
-
-
 def test_a_step_that_the_build_has_not_is_refused_in_a_sentence() -> None:
     with pytest.raises(TaskError, match="step 'lens' is not in build 'thesis', which has disk, ml1, ml2"):
         compared(lambda one: one, "lens")
