@@ -8,7 +8,7 @@ from pzctl.fitters.compare.known_changes.two_ports import TwoPort, coil, two_por
 from pzctl.fitters.compare.levels.amplitude_law import bent
 from pzctl.fitters.compare.many import random_effects
 from pzctl.fitters.compare.pair import pair_of
-from pzctl.fitters.compare.resonances import Resonances, changed
+from pzctl.fitters.compare.resonances import Resonances, changed, fitted_poles, resonances_of
 from pzctl.models.sweep import Sweep
 
 F = np.linspace(1e5, 1e7, 50)
@@ -109,6 +109,28 @@ def test_interpolation_to_a_finer_grid_states_its_error() -> None:
     pair = pair_of([Sweep(F, Z)], [fine])
     np.testing.assert_array_equal(pair.frequency, F)
     assert np.all(np.abs(pair.change) < 5 * pair.noise_after)
+
+
+def sharp(f: np.ndarray, q: float) -> np.ndarray:
+    """Return the impedance in ohm of 1 nF with a resonance at 1 MHz."""
+    return 1 / (2j * np.pi * f * (1e-9 + 5e-11 / (1 - (f / 1e6) ** 2 + 1j * f / 1e6 / q)))
+
+
+def test_a_resonance_between_the_points_is_interpolated_as_a_pole() -> None:
+    f, g = np.linspace(0.7e6, 1.3e6, 201), np.linspace(0.72e6, 1.28e6, 161)
+    pair = pair_of([Sweep(f, sharp(f, 500.0))], [Sweep(g, sharp(g, 500.0))])
+    assert pair.frequency.size == g.size
+    assert np.max(np.abs(pair.change)) < 1e-3, "its width is two thirds of a step"
+
+
+@pytest.mark.parametrize(("q", "resolved"), [(200.0, True), (600.0, False)])
+def test_only_a_resonance_as_wide_as_a_step_is_taken_to_change_by_itself(q: float, resolved: bool) -> None:
+    f = np.linspace(0.7e6, 1.3e6, 201)
+    sweep = Sweep(f, sharp(f, q))
+    pair = pair_of([sweep], [sweep])
+    own = resonances_of(fitted_poles(f, pair.before, pair.noise_before), f, pair.before)
+    assert own.q == pytest.approx([q], rel=0.01)
+    assert ("one-resonance" in [one.effect for one in device_changes(pair, own)]) == resolved
 
 
 def test_two_inverted_recordings_are_compared_unchanged() -> None:
