@@ -90,13 +90,14 @@ class Drift:
         It shifts the remainder, and the skirts of each resonance relative to its middle: what is called one resonance
         may be several, and those drift each by itself.
         """
-        made = rest[:, None] * functions(self.pair.log_f)
+        varying = functions(self.pair.log_f)
+        made = rest[:, None] * varying
         own = self.own
         if own.poles.size:
             each = self._each[:, : own.poles.size]
             inside = np.clip(np.log(np.abs(own.poles)), self.pair.log_f[0], self.pair.log_f[-1])
             middle = functions(inside)
-            made = made + np.sum(each, axis=1)[:, None] * functions(self.pair.log_f) - each @ middle
+            made = made + np.sum(each, axis=1)[:, None] * varying - each @ middle
         return np.asarray(made, np.complex128)
 
     def _of_each(self) -> Complexes:

@@ -15,7 +15,7 @@ from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion, NamedEffect, remaining_of, unexplained
 from ..inference.effect_size import sizes_of
-from ..search.weak_lines import weak_lines
+from ..search.weak_lines import with_weak_lines
 from .laws import LearnedCorrection, learned_laws
 from .places import PlacedCorrection, placed_corrections
 
@@ -83,7 +83,7 @@ class _Choice:
         return max(same, key=lambda one: one.log_evidence, default=None)
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Learning:
     """The search for laws beside hypotheses of catalogue effects."""
 
@@ -102,15 +102,19 @@ class Learning:
         """
         parents = [conclusion.final, *(one.without for one in conclusion.named), conclusion.null]
         single = (one for one in tried if len(one.effects) == 1 and one.effects[0].effect.name != UNKNOWN)
-        found, places = self._extended(conclusion, [*parents, *single])
+        found, places = self.extended(conclusion, [*parents, *single])
         for _ in range(_LAWS - 1):
             if found is conclusion or not found.something_left:
                 break
             conclusion = found
-            found, _ = self._extended(conclusion, [conclusion.final])
+            found, _ = replace(self, problem=self._beside_lines_of(found.final)).extended(found, [found.final])
         return found, places
 
-    def _extended(
+    def _beside_lines_of(self, one: Hypothesis) -> Problem:
+        """Return the problem with the weak lines beside which a hypothesis was fitted."""
+        return replace(self.problem, lines=one.fit.marginal.lines)
+
+    def extended(
         self, conclusion: Conclusion, parents: Sequence[Hypothesis]
     ) -> tuple[Conclusion, tuple[PlacedCorrection, ...]]:
         """Return the conclusion with one more law, if one is more probable than none."""
@@ -130,9 +134,10 @@ class Learning:
         if choice is None or choice.probability < NAMED:
             return conclusion, next(iter(places.values()))
         final = self._final(choice)
-        if not conclusion.something_left and not _better(final, choice.best, conclusion.final):
+        problem = self._beside_lines_of(final)
+        if not conclusion.something_left and not _better(final, choice.best, _beside(problem, conclusion.final)):
             return conclusion, places[choice.best.parent]
-        return _concluded(self.problem, conclusion, choice, final), places[choice.best.parent]
+        return _concluded(problem, conclusion, choice, final), places[choice.best.parent]
 
     def _alone(self, one: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted without smooth errors of the model, which would absorb what a law describes."""
@@ -161,25 +166,26 @@ class Learning:
         return fitted(self.problem, one.effects, one.values, (ErrorSizes(),), near=False, rounds=0)
 
     def _final(self, choice: _Choice) -> Hypothesis:
-        """Return the best explanation beside its own lines, with smooth errors of the constants if these are better."""
-        best = self._beside_its_lines(choice.best.hypothesis)
+        """Return the best explanation beside its own lines, with smooth errors of the constants if these are better.
+
+        Lines that the catalogue's best explanation has left are no lines of the device if a law explains them. They
+        would absorb whatever constants that are slightly wrong leave at these frequencies.
+        """
+        best = choice.best.hypothesis
         try:
-            made = fitted(self.problem, best.effects, best.values, (best.fit.sizes,), near=True)
+            problem = with_weak_lines(self.problem, best)
+            best = _beside(problem, best, tau=False)
+            made = fitted(problem, best.effects, best.values, (best.fit.sizes,), near=True)
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return best
         return max(best, made, key=lambda hypothesis: hypothesis.log_evidence)
 
-    def _beside_its_lines(self, one: Hypothesis) -> Hypothesis:
-        """Make the weak lines that a hypothesis leaves part of the error model; return it fitted beside them.
 
-        Those that the catalogue's best explanation has left are no lines of the device if a law explains them. They
-        would absorb whatever constants that are slightly wrong leave at these frequencies.
-        """
-        lines = weak_lines(one)
-        if set(lines) == set(self.problem.lines):
-            return one
-        self.problem = replace(self.problem, lines=lines)
-        return fitted(self.problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=False)
+def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesis:
+    """Return a hypothesis fitted beside the weak lines of a problem; `tau`: whether smooth errors are allowed."""
+    if set(one.fit.marginal.lines) == set(problem.lines):
+        return one
+    return fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=tau)
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:

@@ -29,7 +29,7 @@ from ..hypotheses.hypothesis import Hypothesis, at_minimum, coarseness, fitted, 
 from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
 from .screening import ScreenedCandidate, resembling, screened
-from .weak_lines import weak_lines
+from .weak_lines import with_weak_lines
 
 _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
@@ -116,11 +116,11 @@ class GreedySearch:
 
     def account_for_lines(self) -> None:
         """Make the weak lines that the best hypothesis leaves part of the error model of all hypotheses."""
-        lines = weak_lines(self.best)
-        if set(lines) == set(self.problem.lines):
+        problem = with_weak_lines(self.problem, self.best)
+        if problem is self.problem:
             return
-        self.progress(f"accounting for {len(lines)} weak resonances")
-        self.problem = replace(self.problem, lines=lines)
+        self.progress(f"accounting for {len(problem.lines)} weak resonances")
+        self.problem = problem
         null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
         sizes = null.fit.sizes, ErrorSizes()
         self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True)}

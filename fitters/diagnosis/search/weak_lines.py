@@ -18,6 +18,7 @@ from ...error_model.error_sizes import ErrorSizes
 from ...error_model.point_covariance import Kernel, WhitenedColumns
 from ..decision_rules import LINES, SHARP
 from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.problem import Problem
 
 _QS = (SHARP, 40.0, 80.0, 160.0, 320.0)
 """Quality factors tried; broader lines are covered by the smooth errors."""
@@ -51,6 +52,12 @@ def weak_lines(parent: Hypothesis) -> tuple[WeakLine, ...]:
     """Return the weak lines that the residual of a hypothesis shows, strongest first in each step."""
     steps = dict.fromkeys(recording.step for recording in parent.objective.recordings)
     return tuple(one.line for step in steps for one in _lines_of(parent, step) if one.weak)
+
+
+def with_weak_lines(problem: Problem, parent: Hypothesis) -> Problem:
+    """Return the problem whose error model has the weak lines that a hypothesis leaves; itself if it has them."""
+    lines = weak_lines(parent)
+    return problem if set(lines) == set(problem.lines) else replace(problem, lines=lines)
 
 
 def strongest_lines(parent: Hypothesis, step: str, most: int) -> list[WeakLine]:

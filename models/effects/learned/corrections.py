@@ -20,7 +20,7 @@ from ...stack.row import Joins
 from ...stack.stack import Layer
 from ..base.assembly import Assembly
 from ..base.effect import FACES, TERMINALS, Stage, interface_at, interfaces, layer_at
-from ..base.modified_laws import Multiple
+from ..base.modified_laws import Multiple, with_stiffness_law
 from ..base.modified_loads import CorrectedLoad, SupportedLoad, is_backing
 from ..base.scale import acoustic_impedance, reactance
 
@@ -146,15 +146,13 @@ def _across(z0: float, g: Correction) -> Callable[[Complexes, Impedances], tuple
 
 
 def _with_constant(stack: Stack, place: Place, g: Correction) -> Stack:
+    name = layer_at(place.where)
+    if place.quantity == "stiffness":
+        return with_stiffness_law(stack, name, lambda law: CorrectedLaw(law, g))
+
     def corrected_layer(layer: Layer) -> Layer:
-        if layer.name != layer_at(place.where):
+        if layer.name != name or not isinstance(layer, Piezo):
             return layer
-        if isinstance(layer, Elastic):
-            return replace(layer, law=CorrectedLaw(layer.law, g))
-        if not isinstance(layer, Piezo):
-            return layer
-        if place.quantity == "stiffness":
-            return replace(layer, c_law=CorrectedLaw(layer.c_law, g))
         if place.quantity == "coupling":
             return replace(layer, h_law=CorrectedLaw(layer.h_law, g))
         return replace(layer, eps_law=CorrectedLaw(layer.eps_law, g))
