@@ -1,11 +1,12 @@
 """A disk of finite diameter with effects at its terminals: where a search for them can begin."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from ....models.base.arrays import Complexes, Reals
 from ....models.base.errors import PzctlError
 from ....models.effects import Added, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
@@ -18,7 +19,7 @@ from ...engine.fitted_model import without_effects
 from ...engine.on_cores import on_cores
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Block, positive
-from ...engine.recording import Posterior
+from ...engine.recording import Posterior, log_ratio
 from ...interface import FitError, FitTask
 from ..decision_rules import ODDS
 from ..hypotheses.problem import Candidate
@@ -39,6 +40,8 @@ _TERMINALS = 2
 _STARTS = (-1.0, 1.0)
 _NEAR_STARTS = (0.0,)
 """Start sizes of an effect, in standard deviations of ln size; the latter from constants that fit with wires."""
+_PROMISING, _STRETCH = 4, 2.5
+"""Budget: effects fitted beside the finite diameter at a time. Largest factor by which a change is scaled linearly."""
 _NARROW = 20.0
 """Diameter/thickness up to which a rim leaves a tenth of ln Z or more."""
 _TRIED = 1.5
@@ -64,7 +67,7 @@ def disks(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs:
     with a lead and a stray capacitance, which act as most effects at the terminals do. Raises FitError if neither
     leaves less than `hopeless`.
     """
-    alone = _attempt(task, _NEAR, jobs, None)
+    alone = _attempt(task, min(_NEAR, hopeless), jobs, None)
     if alone is not None and left_by(alone) < DESCRIBED:
         return alone, alone
     disk = bare_disk(task, NAME, round_one=True, frees=True)
@@ -136,10 +139,14 @@ def with_terminals(
     starts = _STARTS if base is alone else _NEAR_STARTS
     while len(taken) < _TERMINALS and before > _TRIED:
         progress(f"trying {len(left)} effects beside the finite diameter")
-        ends = on_cores([partial(_beside, few, taken, one, z) for one in left for z in starts], jobs)
-        pairs = zip(ends, (one for one in left for _ in starts), strict=True)
+        chosen = _promising(few, [_Start.of(few, taken, one, z) for one in left for z in starts])
+        ends = on_cores([partial(_beside, few, taken, start) for start in chosen], jobs)
         points = sum(one.sweep.frequency.size for one in few.descent.objective.recordings)
-        trials = [(_log_odds(points * np.log(before / end[0]), points, one), end, one) for end, one in pairs if end]
+        trials = [
+            (_log_odds(points * np.log(before / end[0]), points, start.new), end, start.new)
+            for end, start in zip(ends, chosen, strict=True)
+            if end
+        ]
         if not trials:
             break
         odds, (chi2, there), one = max(trials, key=lambda trial: trial[0])
@@ -161,32 +168,75 @@ def _lawful(base: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, 
     return min((made, other), key=_chi2_alone)
 
 
-def _beside(
-    best: FittedDisk, known: Sequence[Candidate], one: Candidate, z: float
-) -> tuple[float, dict[str, float]] | None:
-    """Return misfit and parameters of the effects when fitted with a further one, which starts `z` deviations away."""
-    values, _ = best.descent.objective.coordinates.forward(best.descent.x)
-    start = {name: values[name] for other in known for name in other.parameters}
-    start |= {
-        name: float(knob.expected[0] * np.exp(z * knob.expected[1])) if knob.from_nothing else knob.null
-        for name, knob in zip(one.parameters, one.effect_parameters, strict=True)
-    }
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Start of a fit with a further effect."""
+
+    new: Candidate
+    values: Mapping[str, float]
+    """Parameters of all effects."""
+
+    @classmethod
+    def of(cls, best: FittedDisk, known: Sequence[Candidate], new: Candidate, z: float) -> "_Start":
+        """Return the start with sizes `z` standard deviations of ln size above their medians."""
+        values, _ = best.descent.objective.coordinates.forward(best.descent.x)
+        start = {name: values[name] for other in known for name in other.parameters}
+        start |= {
+            name: float(knob.expected[0] * np.exp(z * knob.expected[1])) if knob.from_nothing else knob.null
+            for name, knob in zip(new.parameters, new.effect_parameters, strict=True)
+        }
+        return cls(new, start)
+
+
+def _promising(best: FittedDisk, starts: Sequence[_Start]) -> list[_Start]:
+    """Return the starts whose effects would take away most of the misfit beside small shifts of the constants."""
+    objective, x = best.descent.objective, best.descent.x
+    curves = objective.curves(x)
+    weights = [1 / one.sigma for one in objective.recordings]
+    residual = _stacked(objective.log_ratios(x), weights)
+    orthonormal, _ = np.linalg.qr(objective.jacobian(x)[: residual.size])
+    residual -= orthonormal @ (orthonormal.T @ residual)
+
+    def promise(start: _Start) -> float:
+        values, _ = objective.coordinates.forward(x)
+        outside = _outside(best, [start.new], start.values)
+        device = outside.around(best.model.replace(values), start.values)
+        seen = [device.impedance(one.sweep.frequency) for one in objective.recordings]
+        change = _stacked([log_ratio(with_one, Z) for with_one, Z in zip(seen, curves, strict=True)], weights)
+        change -= orthonormal @ (orthonormal.T @ change)
+        length, along = float(change @ change), -float(change @ residual)
+        size = min(max(along / length, 0.0), _STRETCH) if length > 0 else 0.0
+        return size * along - size**2 * length / 2
+
+    return sorted(starts, key=promise, reverse=True)[:_PROMISING]
+
+
+def _stacked(ratios: Sequence[Complexes], weights: Sequence[Reals]) -> Reals:
+    parts = [one * weight for one, weight in zip(ratios, weights, strict=True)]
+    return np.concatenate([np.concatenate([part.real, part.imag]) for part in parts])
+
+
+def _beside(best: FittedDisk, known: Sequence[Candidate], start: _Start) -> tuple[float, dict[str, float]] | None:
+    """Return misfit and parameters of the effects when fitted with a further one."""
     try:
-        made = _fitted(best, [*known, one], start)
+        made = _fitted(best, [*known, start.new], start.values)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None
     values, _ = made.descent.objective.coordinates.forward(made.descent.x)
-    return _chi2_alone(made), {name: values[name] for name in start}
+    return _chi2_alone(made), {name: values[name] for name in start.values}
 
 
 def _fitted(
     best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float], law: LossLaw | None = None
 ) -> FittedDisk:
     """Return the disk fitted with these effects; it may have some of them already."""
+    return with_effects(_without(best, [one.effect.name for one in effects]), _outside(best, effects, start), law)
+
+
+def _outside(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> Outside:
     added = tuple(Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects)
     blocks = tuple(block for one in effects for block in one.blocks(start))
-    outside = Outside(added, blocks, start, nominal=plate_of(best))
-    return with_effects(_without(best, [one.effect.name for one in effects]), outside, law)
+    return Outside(added, blocks, start, nominal=plate_of(best))
 
 
 def _without(found: FittedDisk, effects: Collection[str]) -> FittedDisk:

@@ -16,7 +16,7 @@ from ....models.disk2d.matrices import CONSTANTS
 from ....models.effects import find_effect
 from ....models.effects.base.effect import TERMINALS
 from ....models.stack import LossLaw
-from ...disk.bare_disk import bare_disk
+from ...disk.bare_disk import BareDisk, bare_disk
 from ...disk.two_d.disk2d import disk_result
 from ...disk.two_d.disk_fit import FittedDisk
 from ...disk.two_d.disk_under_diagnosis import diagnosable
@@ -36,9 +36,9 @@ NAME = "lateral-modes"
 _SHOWS = 0.02
 """Rms of ln(Z_model/Z) of the one-dimensional fit above which the test is run, since lateral modes are strong: the best
 plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
-_RIM, _FALL, _EARLY = 7.0, -1.4, 0.3
+_RIM, _FALL, _LEAST = 7.0, -1.4, 0.3
 """Rms of ln Z that the best plate leaves of a disk, as a power of diameter/thickness (see `_SHOWS`), and the part of it
-from which the disk is tried before all else."""
+below which no rim is looked for."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
@@ -100,7 +100,12 @@ def shows_early(task: FitTask, null: Refit) -> bool:
         return False
     if any(recording.step != disk.step for recording in null.objective.recordings):
         return False
-    return is_narrow(disk) and _rms(null) > max(_SHOWS, _EARLY * _RIM * ratio_of(disk) ** _FALL)
+    return is_narrow(disk) and _may_be_a_rim(disk, _rms(null))
+
+
+def _may_be_a_rim(disk: BareDisk, left: float) -> bool:
+    """Return whether a plate leaves as much of ln Z (rms) as it would of a disk of this width."""
+    return left > max(_SHOWS, _LEAST * _RIM * ratio_of(disk) ** _FALL)
 
 
 def tried(
@@ -112,10 +117,16 @@ def tried(
     `best` explanation by a plate (the one without effects, if there is no other yet) leaves too little.
     """
     left = _rms(best or null)
-    if left < _SHOWS:
+    try:
+        disk = bare_disk(task, "disk2d", round_one=True, frees=True)
+    except FitError:
         return None
-    # A plate with effects at its terminals may leave less than a disk without them, until the disk has them, too.
-    hopeless = _rms(null) if best is None or any(one.where == TERMINALS for one in best.effects) else left
+    if left < _SHOWS or not _may_be_a_rim(disk, _rms(null)):
+        return None
+    # A plate with effects at its terminals may leave less than a disk without them, until the disk has them, too. If
+    # it has none, the disk alone must already explain as much as a finding must.
+    beside = best is None or any(one.where == TERMINALS for one in best.effects)
+    hopeless = _rms(null) if beside else left * float(np.sqrt(1 - NAMED))
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
