@@ -154,25 +154,32 @@ class Marginal:
         return made
 
 
-def plain(marginal: Marginal, x: Reals, most: int = 8) -> Reals:
-    """Return the minimum of plain least squares from `x`, with all misfit counted as white noise and no smooth errors.
+def plain(marginal: Marginal, starts: Sequence[Reals], most: int = 8) -> Reals:
+    """Return the lowest minimum of plain least squares, with all misfit as white noise and no smooth errors.
 
     The marginal fit starts there: if it started where the errors have absorbed an effect, it would never find the
     effect.
     """
+    return min((_plain(marginal, x, most) for x in starts), key=lambda end: end[1])[0]
+
+
+def _plain(marginal: Marginal, x: Reals, most: int) -> tuple[Reals, float]:
+    """Return a minimum of plain least squares, and the sum of ln rms residual over all points."""
     none = tuple(np.zeros((r.noise.size, 0), np.complex128) for r in marginal.objective.recordings)
+    points = [recording.noise.size for recording in marginal.objective.recordings]
     last = np.inf
     for _ in range(_WEIGHTED):
         misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in marginal.residuals(x)]
         if float(np.sum(np.log(misfits))) > last - _SETTLED * len(misfits):
             break
         last = float(np.sum(np.log(misfits)))
-        points = tuple(
+        errors = tuple(
             PointErrors(np.zeros(own.noise.size), np.hypot(own.noise, misfit), *(np.zeros(own.noise.size),) * 2)
             for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
         )
-        x, _ = _down(marginal, x, Held.of(ErrorColumns((), np.zeros(0), none, points), ErrorSizes()), most, 0.3)
-    return x
+        x, _ = _down(marginal, x, Held.of(ErrorColumns((), np.zeros(0), none, errors), ErrorSizes()), most, 0.3)
+    misfits = [float(np.mean(np.abs(r) ** 2)) for r in marginal.residuals(x)]
+    return x, 0.5 * sum(count * float(np.log(misfit)) for count, misfit in zip(points, misfits, strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,7 +43,14 @@ class FiniteBacking(Effect):
             EffectParameter("strength", "1", typical=0.01, upper=0.99),
             EffectParameter("loss", "1", typical=0.01, upper=1.0),
             EffectParameter(
-                "delay", "s", typical=0.1 / resonance(stack), lower=1e-7, upper=1e-3, null=4e-6, scan=_DELAYS
+                "delay",
+                "s",
+                typical=0.1 / resonance(stack),
+                lower=1e-7,
+                upper=1e-3,
+                null=4e-6,
+                scan=_DELAYS,
+                delay=True,
             ),
             EffectParameter("decay", "Np", typical=1.0, upper=20.0, scan=_DECAYS),
         )

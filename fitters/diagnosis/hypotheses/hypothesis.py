@@ -110,16 +110,20 @@ def fitted(
     tau: bool = True,
     shape: bool = True,
     fixed: bool = False,
+    others: Sequence[Mapping[str, float]] = (),
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
     `fast`, `tau`, `shape`: whether fast errors of the instrument and smooth ones of all constants and of the effects'
-    formulas are allowed. `fixed`: whether errors have the sizes of the first start.
+    formulas are allowed. `fixed`: whether errors have the sizes of the first start. `others`: further values from
+    which plain least squares start; the fit continues from the lowest minimum.
     """
     marginal = marginal_of(problem, effects, values)
     x = marginal.objective.coordinates.x
     if not near:
-        x = plain(marginal, x)
+        free = marginal.objective.coordinates.free
+        more = [marginal_of(problem, effects, other).objective.coordinates for other in others]
+        x = plain(marginal, [x, *(other.x for other in more if other.free == free)])
     return _weighed(effects, fit(marginal, x, starts, rounds, fixed, fast, tau, shape))
 
 

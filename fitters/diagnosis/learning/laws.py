@@ -17,7 +17,7 @@ from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
-from .delays import likely_delays
+from .delays import delays_at
 from .places import PlacedCorrection
 
 _TRIALS = 6
@@ -115,7 +115,7 @@ def _from_periods(effect: LearnedLaw, one: Candidate, parent: Hypothesis) -> lis
     knobs = {knob.name: knob for knob in one.effect_parameters}
     delay = knobs["delay"]
     made: list[dict[str, float]] = []
-    for found in likely_delays(parent, effect.place, one.steps, delay.lower, delay.upper):
+    for found in delays_at(parent, effect.place, one.steps, delay.lower, delay.upper):
         echo = {"echo": knobs["echo"].null} if "echo" in knobs else {}
         size = effect.natural * found.amplitude / (4 * echo.get("echo", 1.0))
         size = min(max(size, _LEAST * effect.natural), _MOST * knobs["size"].upper)

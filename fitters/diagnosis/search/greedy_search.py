@@ -46,6 +46,8 @@ class _Plan:
     rounds: int = 3
     fixed: bool = False
     """Whether errors have the first of these sizes."""
+    others: tuple[Mapping[str, float], ...] = ()
+    """Further values from which it may start."""
 
 
 @dataclass(eq=False)
@@ -140,7 +142,8 @@ class GreedySearch:
 
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
         """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
-        left = [other for other in self._beside(rest) if other.effect is not effect.effect]
+        # those that were tried beside the rest, too: from other constants they may have ended in another minimum
+        left = [other for other in rest.others(self.candidates) if other.effect is not effect.effect]
         own = change_by(self.problem, one, effect)
         alike: dict[str, ScreenedCandidate] = {}
         for found in resembling(self.problem, rest, own, left):
@@ -223,15 +226,17 @@ class GreedySearch:
     def _plans(
         self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate], like: Hypothesis | None = None
     ) -> list[_Plan]:
+        near = tuple(dict.fromkeys((parent, like or parent)))
+        sizes = (ErrorSizes(colour=parent.fit.sizes.colour), *(other.fit.sizes for other in near))
         return [
             _Plan(
                 (*parent.effects, one),
-                {**near.values, **promise.start},
-                (ErrorSizes(colour=near.fit.sizes.colour), near.fit.sizes),
+                {**parent.values, **promise.start},
+                sizes,
                 rounds=2,
+                others=tuple({**other.values, **promise.start} for other in near[1:]),
             )
             for promise in _apart(promises)
-            for near in dict.fromkeys((parent, like or parent))
         ]
 
     def _fit(self, plans: Sequence[_Plan]) -> None:
@@ -265,6 +270,7 @@ class GreedySearch:
                 rounds=plan.rounds,
                 fast=self._fast,
                 fixed=plan.fixed,
+                others=plan.others,
             )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return None

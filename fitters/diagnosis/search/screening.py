@@ -1,6 +1,6 @@
 """Screening of candidates: compute the gain of each effect at a few plausible sizes without fitting it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -18,6 +18,7 @@ from ...error_model.point_covariance import Kernel, PointErrors
 from ..hypotheses.changes import projected
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
+from .echo_delays import likely_delays
 from .weak_lines import strongest_lines
 
 _SPREADS = (-3.5, -2.0, -1.0, 0.0, 1.0)
@@ -34,6 +35,8 @@ _SCANS = 160
 _STRONGEST = 3
 """Number of lines of the residual at which a sharp resonance is tried."""
 _SAME = 0.999999
+_SMALL = 1e-2
+"""Amplitude of an echo, relative to the usual one, from which its change of ln Z is taken to first order."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,6 @@ def _changes(
     problem: Problem, parent: Hypothesis, one: Candidate, lines: Sequence[WeakLine]
 ) -> list[tuple[dict[str, float], list[Complexes]]]:
     """Return the trial parameters and the change of ln Z that they cause in every recording."""
-    made: list[tuple[dict[str, float], list[Complexes]]] = []
     curves = parent.objective.curves(parent.fit.x)
     with_one = problem.with_effects([*parent.effects, one])
     models: list[Model] = []
@@ -118,26 +120,62 @@ def _changes(
         model = recording.model
         renamed = {recording.renamed.get(name, name): name for name in model.parameters()}
         models.append(model.replace({own: parent.values[n] for n, own in renamed.items() if n in parent.values}))
-    for effect_parameters in _trials(problem, one, lines):
+
+    def change(values: Mapping[str, float]) -> list[Complexes]:
+        return [
+            log_ratio(model.replace(values).impedance(recording.sweep.frequency), Z)
+            if recording.step in one.steps and isinstance(model, Device)
+            else np.zeros(Z.size, np.complex128)
+            for recording, model, Z in zip(with_one, models, curves, strict=True)
+        ]
+
+    delays = _delays(parent, one, change)
+    made: list[tuple[dict[str, float], list[Complexes]]] = []
+    for effect_parameters in _trials(problem, one, lines, delays):
         values = {one.prefix + name: value for name, value in effect_parameters.items()}
-        change: list[Complexes] = []
-        for recording, model, Z in zip(with_one, models, curves, strict=True):
-            if recording.step in one.steps and isinstance(model, Device):
-                seen = model.replace(values).impedance(recording.sweep.frequency)
-                change.append(log_ratio(seen, Z))
-            else:
-                change.append(np.zeros(Z.size, np.complex128))
-        if all(np.all(np.isfinite(own)) for own in change):
-            made.append((values, change))
+        changed = change(values)
+        if all(np.all(np.isfinite(own)) for own in changed):
+            made.append((values, changed))
     return made
 
 
-def _trials(problem: Problem, one: Candidate, lines: Sequence[WeakLine]) -> list[dict[str, float]]:
+def _delays(
+    parent: Hypothesis, one: Candidate, change: Callable[[Mapping[str, float]], list[Complexes]]
+) -> tuple[float, ...]:
+    """Return the delays of an echo that the residual shows, if the effect is one."""
+    knob = next((knob for knob in one.effect_parameters if knob.delay), None)
+    if knob is None:
+        return ()
+    amplitude = one.effect_parameters[0]
+    size = _SMALL * amplitude.expected[0]
+    values = {name: own.null for name, own in zip(one.parameters, one.effect_parameters, strict=True)}
+    changed = change({**values, one.prefix + amplitude.name: size})
+    parts: list[tuple[Reals, Complexes, Complexes, Complexes]] = []
+    made = parent.fit.gram
+    for recording, own, J, r in zip(parent.objective.recordings, changed, made.J, made.r, strict=True):
+        f = recording.sweep.frequency
+        slope = own / size * np.exp(2j * np.pi * f * knob.null)
+        on = np.isfinite(recording.noise) & np.isfinite(slope) & (recording.step in one.steps)
+        parts.append((f[on], slope[on], J[on], r[on]))
+    found = likely_delays(
+        np.concatenate([one[0] for one in parts]),
+        np.concatenate([one[1] for one in parts]),
+        np.concatenate([one[2] for one in parts]),
+        np.concatenate([one[3] for one in parts]),
+        knob.lower,
+        knob.upper,
+    )
+    return tuple(one.delay for one in found)
+
+
+def _trials(
+    problem: Problem, one: Candidate, lines: Sequence[WeakLine], delays: tuple[float, ...]
+) -> list[dict[str, float]]:
     sizes, others = one.effect_parameters[: one.effect.sizes], one.effect_parameters[one.effect.sizes :]
     if one.resonates:
         rest = _at_lines(lines, one, {knob.name: knob.null for knob in others})
     else:
-        grids = [_scan(problem, knob) for knob in others]
+        grids = [delays if knob.delay and delays else _scan(problem, knob) for knob in others]
         rest = [dict(zip((k.name for k in others), values, strict=True)) for values in product(*grids)]
     far = len(rest) > 1 or one.resonates
     made: list[dict[str, float]] = []

@@ -60,6 +60,8 @@ class EffectParameter:
     """Whether all values between the limits are equally likely, zero included."""
     in_proportion: bool = False
     """Whether its usual size is in proportion to the first parameter's: a shorter lead has less resistance, too."""
+    delay: bool = False
+    """Whether it is the delay of an echo in s, of which the first parameter is the amplitude."""
     setting: str = ""
     """The setting of a recording that gives its null value, if there is one."""
 

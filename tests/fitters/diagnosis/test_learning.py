@@ -12,7 +12,7 @@ from pzctl.daemon.files.builds.effects_writing import append_effects
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
-from pzctl.fitters.diagnosis.learning.delays import likely_delays
+from pzctl.fitters.diagnosis.learning.delays import delays_at
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
@@ -88,7 +88,7 @@ def test_the_delay_of_an_echo_is_read_from_the_residual(bare: Device) -> None:
     device = bare.with_effect(echo, place.where, {"size": 0.02 * echo.natural, "delay": delay, "echo": 0.3})
     problem = Problem.of(solve(recorded(device.impedance(F)), lambda _: None), None)
     null = fitted(problem, (), problem.values, near=True)
-    likely = likely_delays(null, place, ("disk",), 1e-7, 1e-5)
+    likely = delays_at(null, place, ("disk",), 1e-7, 1e-5)
     assert likely[0].delay == pytest.approx(delay, abs=1 / (4 * F[-1])), "within a quarter of a period"
 
 
