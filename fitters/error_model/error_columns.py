@@ -1,7 +1,8 @@
 """The error model as columns of d ln Z with unit normal prior: instrument, fixture, model constants, effects."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,16 @@ class WeakLine:
 
 
 @dataclass(frozen=True, eq=False)
+class ColumnCorrection:
+    """The relative correction of a constant that a column of unit coefficient stands for."""
+
+    name: str
+    """Constant, `disk.c33D`."""
+    relative: tuple[Complexes, ...]
+    """For each recording, shape (N,)."""
+
+
+@dataclass(frozen=True, eq=False)
 class ErrorColumns:
     """The columns at one point of a fit."""
 
@@ -53,6 +64,14 @@ class ErrorColumns:
     blocks: tuple[Complexes, ...]
     """For each recording, d ln Z per unit of each column's scale, shape (N, C)."""
     points: tuple[PointErrors, ...]
+    corrections: "tuple[ColumnCorrection | None, ...]" = ()
+    """Correction of a constant that a column is the effect of, for each column."""
+    absorbed: tuple[Complexes, ...] = ()
+    """What corrections that the model contains change in ln Z to first order, for each recording, shape (N,)."""
+
+    def beyond(self, r: Sequence[Complexes]) -> list[Complexes]:
+        """Return residuals of the corrected model as those of the uncorrected one, to first order."""
+        return [own - part for own, part in zip(r, self.absorbed, strict=True)] if self.absorbed else list(r)
 
     def scaled(self, sizes: Mapping[Part, float]) -> Reals:
         """Return the prior standard deviation of each column's coefficient, shape (C,)."""
@@ -64,7 +83,9 @@ class ErrorColumns:
     def only(self, on: NDArray[np.intp]) -> "ErrorColumns":
         """Return the columns with these indices."""
         parts = tuple(self.parts[int(k)] for k in on)
-        return ErrorColumns(parts, self.losses[on], tuple(b[:, on] for b in self.blocks), self.points)
+        blocks = tuple(b[:, on] for b in self.blocks)
+        own = tuple(self.corrections[int(k)] for k in on) if self.corrections else ()
+        return replace(self, parts=parts, losses=self.losses[on], blocks=blocks, corrections=own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,10 +165,17 @@ def columns_of(
     parts: list[Part] = []
     of_losses: list[float] = []
     made: list[list[Complexes]] = [[] for _ in places]
+    corrections: list[ColumnCorrection | None] = []
 
-    def add(part: Part, loss: float, column: Callable[[LinearisedRecording], Complexes]) -> None:
+    def add(
+        part: Part,
+        loss: float,
+        column: Callable[[LinearisedRecording], Complexes],
+        correction: ColumnCorrection | None = None,
+    ) -> None:
         parts.append(part)
         of_losses.append(loss)
+        corrections.append(correction)
         for own, place in zip(made, places, strict=True):
             own.append(column(place))
 
@@ -163,14 +191,28 @@ def columns_of(
         add("held", 0.0, lambda p, of=of: of[id(p)])
     _lines(add, places, lines)
     blocks = tuple(np.stack(own, axis=1) for own in made)
-    return ErrorColumns(tuple(parts), np.array(of_losses), blocks, tuple(_points(place) for place in places))
+    points = tuple(_points(place) for place in places)
+    return ErrorColumns(tuple(parts), np.array(of_losses), blocks, points, tuple(corrections))
 
 
-_Add = Callable[[Part, float, Callable[[LinearisedRecording], Complexes]], None]
+class _Add(Protocol):
+    def __call__(
+        self,
+        part: Part,
+        loss: float,
+        column: Callable[[LinearisedRecording], Complexes],
+        correction: ColumnCorrection | None = None,
+        /,
+    ) -> None: ...
+
+
 _Grid = Callable[[float, int], list[Reals]]
 
 
-def _at(places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> dict[int, Reals]:
+_Values = TypeVar("_Values", Reals, Complexes)
+
+
+def _at(places: Sequence[LinearisedRecording], functions: Sequence[_Values]) -> dict[int, _Values]:
     return {id(place): own for place, own in zip(places, functions, strict=True)}
 
 
@@ -228,14 +270,14 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
         )
         few = centred[0].shape[1] if name in names else min(scales.FEW_PATH, centred[0].shape[1])
         for k in range(few):
-            add("tau", 0.0, lambda p, of=of, s=s, k=k: s[id(p)] * of[id(p)][:, k])
-            add("imaginary", own_loss, lambda p, of=of, s=s, k=k: _complex(1j * s[id(p)] * of[id(p)][:, k]))
+            real = ColumnCorrection(name, tuple(_complex(one[:, k]) for one in centred))
+            imaginary = ColumnCorrection(name, tuple(1j * one for one in real.relative))
+            add("tau", 0.0, lambda p, of=of, s=s, k=k: s[id(p)] * of[id(p)][:, k], real)
+            add("imaginary", own_loss, lambda p, of=of, s=s, k=k: _complex(1j * s[id(p)] * of[id(p)][:, k]), imaginary)
         if kind in ("eps33S", "eps33T"):
-            add(
-                "losses",
-                0.0,
-                lambda p, s=s: scales.FALL * s[id(p)] * np.log(p.recording.sweep.frequency / f0),
-            )
+            falls = tuple(_complex(scales.FALL * np.log(p.recording.sweep.frequency / f0)) for p in places)
+            fall = _at(places, falls)
+            add("losses", 0.0, lambda p, s=s, fall=fall: s[id(p)] * fall[id(p)], ColumnCorrection(name, falls))
 
 
 def _complex(values: Reals | NDArray[np.complexfloating]) -> Complexes:

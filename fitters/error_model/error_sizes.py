@@ -157,6 +157,18 @@ class Gram:
         L, log_S = factored(G[np.ix_(on, on)], d)
         return valued(G[C:, C:], L, d[:, None] * G[on, C:], log_S + log_det, self.before, sizes)
 
+    def coefficients(self, sizes: ErrorSizes) -> Reals:
+        """Return the most probable coefficient of each column, shape (C,), at the point itself. Raises LinAlgError."""
+        G, _ = self._gram(sizes.colour, sizes.rough)
+        scale = self.columns.scaled(sizes.of_columns())
+        on = np.flatnonzero(scale > 0)
+        d = scale[on]
+        L, _ = factored(G[np.ix_(on, on)], d)
+        made = np.zeros(len(scale))
+        if on.size:
+            made[on] = -d * cho_solve((L, True), d * G[on, -1], check_finite=False)
+        return made
+
     def _gram(self, colour: float, rough: Rough) -> tuple[Reals, float]:
         if (colour, rough) not in self._known:
             kernel = Kernel(self.columns.points, colour, rough)
@@ -221,6 +233,7 @@ class Held:
     d: Reals
     L: Reals
     log_S: float
+    columns: ErrorColumns
 
     @classmethod
     def of(cls, columns: ErrorColumns, sizes: ErrorSizes) -> Self:
@@ -230,11 +243,11 @@ class Held:
         kernel = Kernel(columns.points, sizes.colour, sizes.rough)
         white, d = kernel.white(on.blocks), scale[scale > 0]
         L, log_S = factored(white.squared(), d)
-        return cls(sizes, kernel, white, d, L, log_S)
+        return cls(sizes, kernel, white, d, L, log_S, columns)
 
     def here(self, r: Sequence[Complexes], known: float) -> float:
         """Return `Value.here` at another point from its residuals; `known`: sum of squares of the priors' residuals."""
-        seen = self.kernel.white([own[:, None] for own in r])
+        seen = self.kernel.white([own[:, None] for own in self.columns.beyond(r)])
         total = float(seen.squared()[0, 0]) + known + self.log_S + self.kernel.log_det
         if self.L.size:
             b, _ = dtrtrs(self.L, np.asfortranarray(self.d[:, None] * self.white.times(seen)), lower=1)
@@ -243,7 +256,8 @@ class Held:
 
     def value(self, J: Sequence[Complexes], r: Sequence[Complexes], before: Beforehand) -> Value:
         """Return the marginal likelihood at another point."""
-        seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, r, strict=True)])
+        beyond = self.columns.beyond(r)
+        seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, beyond, strict=True)])
         GX = self.d[:, None] * self.white.times(seen)
         return valued(seen.squared(), self.L, GX, self.log_S + self.kernel.log_det, before, self.sizes)
 

@@ -8,7 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from ...models.base.arrays import Complexes, Reals
+from ...models.base.model import Model
 from ...models.effects import Device
+from ...models.effects.base.corrected_constants import CORRECTED, EVERYWHERE, CorrectedConstants, Corrections
+from ...models.stack import Piezo, Stack
 from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
 from .error_columns import ErrorColumns, LinearisedRecording, WeakLine, columns_of, place_of
@@ -26,6 +29,8 @@ Around wherever the fit is, so that no value is preferred. Without it a thicknes
 away, and its boundless posterior volume would count as evidence."""
 _CLOSE = 0.02
 """Decrease of minus twice ln density below which a fit has converged; no decision depends on a fiftieth."""
+_LINEAR = 0.1
+"""Part of chi2 that corrections of constants may leave beyond first order."""
 _DAMPED, _RELAXED = 10.0, 0.1
 _WEIGHTED, _SETTLED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
@@ -67,6 +72,8 @@ class Marginal:
     known: Known = field(default_factory=Nothing)
     shapes: Shapes = field(default_factory=dict[str, tuple[tuple[str, Callable[[float], float]], ...]])
     lines: tuple[WeakLine, ...] = ()
+    corrections: Corrections | None = None
+    """Corrections of constants about which the errors are linear; none: about exact constants."""
 
     @classmethod
     def of(
@@ -81,12 +88,31 @@ class Marginal:
         bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
         return cls(bare, known or Nothing(), _shapes_of(bare, shapes or {}), lines)
 
+    def around(self, corrections: Corrections | None) -> "Marginal":
+        """Return the same with errors that are linear about these corrections."""
+        return replace(self, corrections=corrections)
+
+    @cached_property
+    def _corrected(self) -> Objective:
+        """The objective of the corrected model."""
+        if self.corrections is None:
+            return self.objective
+        effect = CorrectedConstants(self.corrections)
+        known: dict[int, Model] = {}
+        for one in self.objective.recordings:
+            model = one.model
+            if id(model) not in known:
+                device = model if isinstance(model, Device) else Device(model)
+                known[id(model)] = device.with_effect(effect, EVERYWHERE)
+        recordings = [replace(one, model=known[id(one.model)]) for one in self.objective.recordings]
+        return Objective(recordings, self.objective.coordinates, self.objective.priors, slopes_later=True)
+
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
         """Return the columns of errors at a point."""
-        J = self._unweighted(self.objective.jacobian(x).T)
+        J = self._unweighted(self._corrected.jacobian(x).T)
         free = self.objective.coordinates.free
         places: list[LinearisedRecording] = []
-        for k, (recording, model) in enumerate(zip(self.objective.recordings, self.objective.models(x), strict=True)):
+        for k, (recording, model) in enumerate(zip(self.objective.recordings, self._corrected.models(x), strict=True)):
             shapes = {
                 name: sum(
                     (J[k][:, free.index(at)] * per(float(x[free.index(at)])) for at, per in sizes),
@@ -95,7 +121,38 @@ class Marginal:
                 for name, sizes in self.shapes.items()
             }
             places.append(place_of(replace(recording, model=model), shapes))
-        return columns_of(places, self._held(x), self.lines, fast=fast)
+        made = columns_of(places, self._held(x), self.lines, fast=fast)
+        return made if self.corrections is None else replace(made, absorbed=tuple(map(self._absorbed, places)))
+
+    def _absorbed(self, place: LinearisedRecording) -> Complexes:
+        """Return what the corrections change in ln Z of a recording to first order, shape (N,)."""
+        total = np.zeros(place.Z.size, np.complex128)
+        if self.corrections is not None:
+            for name in self.corrections.relative:
+                if name in place.felt:
+                    total += place.felt[name] * self.corrections.over(name, place.recording.sweep.frequency)
+        return total
+
+    def corrections_at(self, made: Gram, coefficients: Reals) -> Corrections | None:
+        """Return corrections of a ceramic's constants from the coefficients of columns, shape (C,); None for none."""
+        log_f = np.concatenate([np.log(one.sweep.frequency) for one in self.objective.recordings])
+        points, first = np.unique(log_f, return_index=True)
+        found: dict[str, Complexes] = {}
+        for own, size in zip(made.columns.corrections, coefficients.tolist(), strict=True):
+            if own is not None and size and own.name in self.of_ceramics:
+                found[own.name] = found.get(own.name, 0) + size * np.concatenate(own.relative)[first]
+        return Corrections(points, found) if found else None
+
+    @cached_property
+    def of_ceramics(self) -> frozenset[str]:
+        """Names of the constants that can be corrected."""
+        names: set[str] = set()
+        for one in self.objective.recordings:
+            bare = one.model.bare if isinstance(one.model, Device) else one.model
+            if isinstance(bare, Stack):
+                layers = [layer.name for layer in bare.layers if isinstance(layer, Piezo)]
+                names |= {f"{name}.{constant}" for name in layers for constant in CORRECTED}
+        return frozenset(names)
 
     def _held(self, x: Reals) -> list[list[Complexes]]:
         """Return d ln Z per tolerance in each recording, shape (N,), for each held value that may be off."""
@@ -109,23 +166,22 @@ class Marginal:
 
     def gram(self, x: Reals, columns: ErrorColumns) -> Gram:
         """Return all inputs of the marginal likelihood at `x`."""
-        J = self._unweighted(self.objective.jacobian(x).T)
-        r = self.residuals(x)
-        return Gram(columns, J, r, self.beforehand(x))
+        J = self._unweighted(self._corrected.jacobian(x).T)
+        return Gram(columns, J, columns.beyond(self.residuals(x)), self.beforehand(x))
 
     def value(self, x: Reals, held: Held) -> Value:
         """Return the marginal likelihood at a point, with the columns of errors fixed."""
-        return held.value(self._unweighted(self.objective.jacobian(x).T), self.residuals(x), self.beforehand(x))
+        return held.value(self._unweighted(self._corrected.jacobian(x).T), self.residuals(x), self.beforehand(x))
 
     def residuals(self, x: Reals) -> list[Complexes]:
-        """Return ln(Z_model/Z) of each recording, shape (N,)."""
-        return [own[:, 0] for own in self._unweighted(self.objective.residual(x)[None, :])]
+        """Return ln(Z_model/Z) of each recording with the corrected model, shape (N,)."""
+        return [own[:, 0] for own in self._unweighted(self._corrected.residual(x)[None, :])]
 
     def against(self, x: Reals) -> float:
         """Return the sum of squares of all priors' residuals."""
         more, _ = self.known.rows(x)
         loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
-        parts = (self.objective.residual(x)[2 * self.objective.points :], more, x[loads] - 1)
+        parts = (self._corrected.residual(x)[2 * self.objective.points :], more, x[loads] - 1)
         return sum(float(part @ part) for part in parts)
 
     def beforehand(self, x: Reals) -> Beforehand:
@@ -135,8 +191,8 @@ class Marginal:
         loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
         more = np.concatenate([more, x[loads] - 1])
         slopes = np.concatenate([slopes, np.eye(x.size)[loads]])
-        r = np.concatenate([self.objective.residual(x)[data:], more])
-        J = np.concatenate([self.objective.jacobian(x)[data:], slopes])
+        r = np.concatenate([self._corrected.residual(x)[data:], more])
+        J = np.concatenate([self._corrected.jacobian(x)[data:], slopes])
         P = J.T @ J
         unknown = np.flatnonzero(np.diag(P) < _UNINFORMED)
         P[unknown, unknown] += _UNINFORMED
@@ -194,6 +250,8 @@ class Minimum:
     fast: bool
     """Whether these include fast instrument errors."""
     converged: bool
+    corrections: Corrections | None = None
+    """Corrections of constants about which the errors are linear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +266,7 @@ class MarginalFit:
     @classmethod
     def at(cls, marginal: Marginal, minimum: Minimum, columns: ErrorColumns | None = None) -> "MarginalFit":
         """Return the fit with this minimum; `columns` are those at `minimum.columns_at`, if they are known."""
+        marginal = marginal.around(minimum.corrections)
         if columns is None:
             columns = marginal.columns(minimum.columns_at, fast=minimum.fast)
         made = marginal.gram(minimum.x, columns)
@@ -303,9 +362,25 @@ def fit(
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order, all_starts=k == 0)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
-        if steps <= 1 and k > 0:
+        corrected, remainder = _recorrected(marginal, x, columns, sizes)
+        if k == rounds - 1 or (remainder < _LINEAR and steps <= 1 and k > 0):
             break
-    return MarginalFit.at(marginal, Minimum(x, sizes, at, fast, converged=steps < _STEPS), columns)
+        if remainder >= _LINEAR:
+            marginal = corrected
+    minimum = Minimum(x, sizes, at, fast, converged=steps < _STEPS, corrections=marginal.corrections)
+    return MarginalFit.at(marginal, minimum, columns)
+
+
+def _recorrected(marginal: Marginal, x: Reals, columns: ErrorColumns, sizes: ErrorSizes) -> tuple[Marginal, float]:
+    """Return the fit about the most probable corrections, and how far from linear they are: its part of chi2."""
+    made = marginal.gram(x, columns)
+    coefficients = made.coefficients(sizes)
+    corrected = marginal.around(marginal.corrections_at(made, coefficients))
+    on = np.array([own is not None and own.name in marginal.of_ceramics for own in columns.corrections], dtype=bool)
+    expected = [block[:, on] @ coefficients[on] for block in columns.blocks]
+    pairs = zip(corrected.residuals(x), columns.beyond(marginal.residuals(x)), expected, columns.points, strict=True)
+    remainders = [np.abs(there - here - change) / own.noise for there, here, change, own in pairs]
+    return corrected, sum(float(np.sum(part**2)) for part in remainders)
 
 
 def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:

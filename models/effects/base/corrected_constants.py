@@ -1,0 +1,87 @@
+"""Known smooth corrections of a ceramic's constants, as functions of frequency."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+
+from ...base.arrays import Complexes, Frequencies, Reals
+from ...stack import LossLaw, Piezo, Stack
+from ...stack.stack import Layer
+from .assembly import Assembly
+from .effect import Effect, EffectParameter, Stage
+from .modified_laws import Multiple
+
+EVERYWHERE = "layers"
+_LAWS = {"c33D": "c_law", "h33": "h_law", "eps33S": "eps_law"}
+CORRECTED = tuple(_LAWS)
+"""Constants of a piezoelectric layer that can be corrected."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corrections:
+    """Relative corrections of constants at some frequencies, linear in ln f between them."""
+
+    log_f: Reals
+    """Shape (K,), increasing."""
+    relative: Mapping[str, Complexes]
+    """By constant (`disk.c33D`), shape (K,)."""
+
+    def over(self, name: str, frequency: Frequencies) -> Complexes:
+        """Return the correction of one constant at frequencies in Hz, shape (N,)."""
+        return np.asarray(np.interp(np.log(frequency), self.log_f, self.relative[name]), np.complex128)
+
+
+@dataclass(frozen=True, eq=False)
+class _Corrected(Multiple):
+    corrections: Corrections
+    name: str
+    _known: list[tuple[Frequencies, Complexes]] = field(default_factory=list[tuple[Frequencies, Complexes]])
+    """One-entry cache."""
+
+    def factor_at(self, frequency: Frequencies) -> Complexes:
+        """Return the factor at frequencies in Hz, shape (N,)."""
+        for where, known in self._known:
+            if where is frequency:
+                return known
+        made = 1 + self.corrections.over(self.name, frequency)
+        if not frequency.flags.writeable:
+            self._known[:] = [(frequency, made)]
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class CorrectedConstants(Effect):
+    """Constants of piezoelectric layers times known factors; it has no parameters and is in no catalogue."""
+
+    corrections: Corrections
+    name: str = "~corrected-constants"
+    """Sorts behind all effects of its stage."""
+    says: str = ""
+    separates: ClassVar[str] = ""
+    references: ClassVar[tuple[str, ...]] = ()
+    stage: Stage = Stage.VOIDS
+    sizes: ClassVar[int] = 0
+
+    def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return the only place, all layers."""
+        return (EVERYWHERE,)
+
+    def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
+        """Return none."""
+        return ()
+
+    def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
+        """Return the device with the corrected constants."""
+        return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(self._corrected, stack.layers))))
+
+    def _corrected(self, layer: Layer) -> Layer:
+        if not isinstance(layer, Piezo):
+            return layer
+        laws: dict[str, LossLaw] = {}
+        for constant, law in _LAWS.items():
+            name = f"{layer.name}.{constant}"
+            if name in self.corrections.relative:
+                laws[law] = _Corrected(getattr(layer, law), self.corrections, name)
+        return replace(layer, **laws) if laws else layer
