@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.engine.multi_step_fit import solve
-from pzctl.fitters.error_model.error_sizes import factored
+from pzctl.fitters.error_model.error_sizes import ErrorSizes, factored
 from pzctl.fitters.error_model.marginal_fit import Marginal, MarginalFit, fit
 from pzctl.fitters.error_model.point_covariance import Kernel, PointErrors, under_colour
 from pzctl.fitters.error_model.prior_scales import ROUGH_LENGTH
@@ -20,6 +20,10 @@ from pzctl.fitters.error_model.uncertainty_sources import SOURCES, spread_of
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.layered.mason import Mason
 from pzctl.models.base.arrays import Reals
+from pzctl.models.effects import Device
+from pzctl.models.effects.base.corrected_constants import EVERYWHERE, CorrectedConstants, Corrections
+from pzctl.models.stack import ConstantLoss, Piezo
+from pzctl.models.stack.loss_laws import PowerLoss
 from pzctl.models.sweep import Sweep
 from pzctl.sim.bench.sample import sample
 
@@ -129,3 +133,31 @@ def test_the_accuracy_stated_in_a_recording_replaces_a_4294as() -> None:
     usual, stated = (Mason().fit(FitTask(build, {"disk": (one,)})) for one in (off, told))
     parts = [result.budget.re["disk.eps33S"].instrument for result in (usual, stated) if result.budget]
     assert parts[1] > 2 * parts[0] > 0
+
+
+def test_corrected_constants_are_those_of_a_disk_that_has_them() -> None:
+    f = np.linspace(2e6, 10e6, 101)
+    disk = DISK.layers[0]
+    assert isinstance(disk, Piezo)
+    factors = {"c33D": 1.02 - 0.001j, "h33": 0.99 + 0.002j, "eps33S": 1.01 + 0.003j}
+    relative = {f"disk.{name}": np.full(f.size, factor - 1) for name, factor in factors.items()}
+    disk = replace(disk, c_law=ConstantLoss(), eps_law=ConstantLoss())
+    changed = replace(disk, **{name: getattr(disk, name) * factor for name, factor in factors.items()})
+    stack = replace(DISK, layers=(disk,))
+    corrected = Device(stack).with_effect(CorrectedConstants(Corrections(np.log(f), relative)), EVERYWHERE)
+    np.testing.assert_allclose(corrected.impedance(f), replace(DISK, layers=(changed,)).impedance(f), rtol=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [0.1, 0.6])
+def test_evidence_of_a_disk_whose_loss_varies_is_the_same_from_any_start(exponent: float) -> None:
+    """Smooth errors take up the loss; linear about none of them, two starts differed by hundreds of nats."""
+    rng = np.random.default_rng(0)
+    f = np.linspace(2e6, 16e6, 401)
+    noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    lossy = replace(DISK, layers=(replace(DISK.layers[0], c_law=PowerLoss(4e6, exponent)),))
+    sweep = Sweep(f, lossy.impedance(f) * np.exp(noise))
+    objective = solve(FitTask(BUILD, {"disk": (sweep,)}), lambda _: None).judged
+    x = objective.coordinates.x
+    starts = (ErrorSizes(),), (ErrorSizes(tau=1e-3, losses=1.0, slow=1.0),), (ErrorSizes(rho=3e-4),)
+    evidences = [fit(Marginal.of(objective), x, sizes, rounds=4).log_evidence for sizes in starts]
+    assert np.ptp(evidences) < 1
