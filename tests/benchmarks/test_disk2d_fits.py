@@ -4,12 +4,14 @@ import json
 import os
 from dataclasses import replace
 
+import complex_ceramic
 import numpy as np
 import pytest
 from disk_build import disk_build
 
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.diagnosis.inference.disk_with_wires import disks, with_terminals
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, disk_result, finite_disk
 from pzctl.fitters.disk.two_d.disk_fit import fitted_disk
 from pzctl.fitters.disk.two_d.disk_under_diagnosis import with_effects
@@ -86,3 +88,17 @@ def test_a_lead_is_fitted_to_a_finite_element_disk(lab_cases):
     assert result.rms_log_error < 0.05 * disk_result(alone, 0.0).rms_log_error
     values, _ = whole.descent.objective.coordinates.forward(whole.descent.x)
     assert values[name] == pytest.approx(truth["findings"][1]["inductance"], rel=0.02)
+
+
+def test_two_effects_are_found_one_after_the_other_beside_a_finite_diameter():
+    f = np.linspace(1.6e6, 3.2e6, 161)
+    _, reduced = reduced_disk(10.0, lambda _: None)
+    law = CausalConstantQ(float(np.sqrt(f[0] * f[-1])))
+    Z = Disk2D("disk", complex_ceramic.TENSOR, np.pi * 25e-6, 1e-3, 7700.0, reduced, law).impedance(f)
+    rng = np.random.default_rng(1)
+    noise = np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)))
+    wired = 1 / (1 / Z + 2j * np.pi * f * 60e-12) + 2j * np.pi * f * 60e-9 + 1.0
+    task = FitTask(disk_build(10, 1, 7700), {"disk": (Sweep(f, wired * noise),)})
+    alone, base = disks(task, 1.0, lambda _: None, 1)
+    _, beside = with_terminals(alone, base, lambda _: None, 1)
+    assert [one.effect.name for one in beside] == ["lead-inductance", "series-resistance"]

@@ -139,7 +139,7 @@ def with_terminals(
     starts = _STARTS if base is alone else _NEAR_STARTS
     while len(taken) < _TERMINALS and before > _TRIED:
         progress(f"trying {len(left)} effects beside the finite diameter")
-        chosen = _promising(few, [_Start.of(few, taken, one, z) for one in left for z in starts])
+        chosen = _promising(few, taken, [_Start.of(few, taken, one, z) for one in left for z in starts])
         ends = on_cores([partial(_beside, few, taken, start) for start in chosen], jobs)
         points = sum(one.sweep.frequency.size for one in few.descent.objective.recordings)
         trials = [
@@ -188,7 +188,7 @@ class _Start:
         return cls(new, start)
 
 
-def _promising(best: FittedDisk, starts: Sequence[_Start]) -> list[_Start]:
+def _promising(best: FittedDisk, known: Sequence[Candidate], starts: Sequence[_Start]) -> list[_Start]:
     """Return the starts whose effects would take away most of the misfit beside small shifts of the constants."""
     objective, x = best.descent.objective, best.descent.x
     curves = objective.curves(x)
@@ -196,11 +196,12 @@ def _promising(best: FittedDisk, starts: Sequence[_Start]) -> list[_Start]:
     residual = _stacked(objective.log_ratios(x), weights)
     orthonormal, _ = np.linalg.qr(objective.jacobian(x)[: residual.size])
     residual -= orthonormal @ (orthonormal.T @ residual)
+    values, _ = objective.coordinates.forward(x)
+    own = {name: value for name, value in values.items() if name in best.model.parameters()}
 
     def promise(start: _Start) -> float:
-        values, _ = objective.coordinates.forward(x)
-        outside = _outside(best, [start.new], start.values)
-        device = outside.around(best.model.replace(values), start.values)
+        outside = _outside(best, [*known, start.new], start.values)
+        device = outside.around(best.model.replace(own), start.values)
         seen = [device.impedance(one.sweep.frequency) for one in objective.recordings]
         change = _stacked([log_ratio(with_one, Z) for with_one, Z in zip(seen, curves, strict=True)], weights)
         change -= orthonormal @ (orthonormal.T @ change)
