@@ -260,7 +260,6 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
     slopes["shunt"] = [-p.Z / z0 for p in places]
     for name, own in slopes.items():
         centred = _centred(functions, own)
-        of, s = _at(places, centred), {id(p): c for p, c in zip(places, own, strict=True)}
         loss = next((p.losses[name] for p in places if name in p.losses), 0.0)
         kind = name.rpartition(".")[2]
         own_loss = (
@@ -272,12 +271,24 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
         for k in range(few):
             real = ColumnCorrection(name, tuple(_complex(one[:, k]) for one in centred))
             imaginary = ColumnCorrection(name, tuple(1j * one for one in real.relative))
-            add("tau", 0.0, lambda p, of=of, s=s, k=k: s[id(p)] * of[id(p)][:, k], real)
-            add("imaginary", own_loss, lambda p, of=of, s=s, k=k: _complex(1j * s[id(p)] * of[id(p)][:, k]), imaginary)
+            _correction(add, "tau", 0.0, places, own, real)
+            _correction(add, "imaginary", own_loss, places, own, imaginary)
         if kind in ("eps33S", "eps33T"):
             falls = tuple(_complex(scales.FALL * np.log(p.recording.sweep.frequency / f0)) for p in places)
-            fall = _at(places, falls)
-            add("losses", 0.0, lambda p, s=s, fall=fall: s[id(p)] * fall[id(p)], ColumnCorrection(name, falls))
+            _correction(add, "losses", 0.0, places, own, ColumnCorrection(name, falls))
+
+
+def _correction(
+    add: _Add,
+    part: Part,
+    loss: float,
+    places: Sequence[LinearisedRecording],
+    slopes: Sequence[Complexes],
+    one: ColumnCorrection,
+) -> None:
+    """Add the correction of a constant; `slopes`: d ln Z / d ln constant in each recording, shape (N,)."""
+    of = _at(places, [slope * relative for slope, relative in zip(slopes, one.relative, strict=True)])
+    add(part, loss, lambda p: of[id(p)], one)
 
 
 def _complex(values: Reals | NDArray[np.complexfloating]) -> Complexes:

@@ -7,6 +7,7 @@ from math import log
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
@@ -150,21 +151,22 @@ class Gram:
 
     def _valued(self, sizes: ErrorSizes) -> Value:
         G, log_det = self._gram(sizes.colour, sizes.rough)
+        on, d, L, log_S = self._present(sizes)
+        C = len(self.columns.parts)
+        return valued(G[C:, C:], L, d[:, None] * G[on, C:], log_S + log_det, self.before, sizes)
+
+    def _present(self, sizes: ErrorSizes) -> tuple[NDArray[np.intp], Reals, Reals, float]:
+        """Return indices and scales of the columns that are there, and what `factored` returns for them."""
+        G, _ = self._gram(sizes.colour, sizes.rough)
         scale = self.columns.scaled(sizes.of_columns())
         on = np.flatnonzero(scale > 0)
-        C = len(scale)
-        d = scale[on]
-        L, log_S = factored(G[np.ix_(on, on)], d)
-        return valued(G[C:, C:], L, d[:, None] * G[on, C:], log_S + log_det, self.before, sizes)
+        return on, scale[on], *factored(G[np.ix_(on, on)], scale[on])
 
     def coefficients(self, sizes: ErrorSizes) -> Reals:
         """Return the most probable coefficient of each column, shape (C,), at the point itself. Raises LinAlgError."""
         G, _ = self._gram(sizes.colour, sizes.rough)
-        scale = self.columns.scaled(sizes.of_columns())
-        on = np.flatnonzero(scale > 0)
-        d = scale[on]
-        L, _ = factored(G[np.ix_(on, on)], d)
-        made = np.zeros(len(scale))
+        on, d, L, _ = self._present(sizes)
+        made = np.zeros(len(self.columns.parts))
         if on.size:
             made[on] = -d * cho_solve((L, True), d * G[on, -1], check_finite=False)
         return made

@@ -362,11 +362,13 @@ def fit(
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order, all_starts=k == 0)
         x, steps = _down(marginal, x, Held.of(columns, sizes))
-        corrected, remainder = _recorrected(marginal, x, columns, sizes)
-        if k == rounds - 1 or (remainder < _LINEAR and steps <= 1 and k > 0):
+        if k == rounds - 1:
             break
+        corrected, remainder = _recorrected(marginal, x, columns, sizes)
         if remainder >= _LINEAR:
             marginal = corrected
+        elif steps <= 1 and k > 0:
+            break
     minimum = Minimum(x, sizes, at, fast, converged=steps < _STEPS, corrections=marginal.corrections)
     return MarginalFit.at(marginal, minimum, columns)
 

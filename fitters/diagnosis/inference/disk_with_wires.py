@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from ....models.base.arrays import Complexes, Reals
+from ....models.base.arrays import Reals
 from ....models.base.errors import PzctlError
 from ....models.effects import Added, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
@@ -192,10 +192,8 @@ def _promising(best: FittedDisk, known: Sequence[Candidate], starts: Sequence[_S
     """Return the starts whose effects would take away most of the misfit beside small shifts of the constants."""
     objective, x = best.descent.objective, best.descent.x
     curves = objective.curves(x)
-    weights = [1 / one.sigma for one in objective.recordings]
-    residual = _stacked(objective.log_ratios(x), weights)
-    orthonormal, _ = np.linalg.qr(objective.jacobian(x)[: residual.size])
-    residual -= orthonormal @ (orthonormal.T @ residual)
+    orthonormal, _ = np.linalg.qr(objective.jacobian(x)[: 2 * objective.points])
+    residual = _beyond(orthonormal, objective.residual(x)[: 2 * objective.points])
     values, _ = objective.coordinates.forward(x)
     own = {name: value for name, value in values.items() if name in best.model.parameters()}
 
@@ -203,8 +201,11 @@ def _promising(best: FittedDisk, known: Sequence[Candidate], starts: Sequence[_S
         outside = _outside(best, [*known, start.new], start.values)
         device = outside.around(best.model.replace(own), start.values)
         seen = [device.impedance(one.sweep.frequency) for one in objective.recordings]
-        change = _stacked([log_ratio(with_one, Z) for with_one, Z in zip(seen, curves, strict=True)], weights)
-        change -= orthonormal @ (orthonormal.T @ change)
+        ratios = [
+            log_ratio(with_one, Z) / one.sigma
+            for with_one, Z, one in zip(seen, curves, objective.recordings, strict=True)
+        ]
+        change = _beyond(orthonormal, np.concatenate([part for own in ratios for part in (own.real, own.imag)]))
         length, along = float(change @ change), -float(change @ residual)
         size = min(max(along / length, 0.0), _STRETCH) if length > 0 else 0.0
         return size * along - size**2 * length / 2
@@ -212,9 +213,9 @@ def _promising(best: FittedDisk, known: Sequence[Candidate], starts: Sequence[_S
     return sorted(starts, key=promise, reverse=True)[:_PROMISING]
 
 
-def _stacked(ratios: Sequence[Complexes], weights: Sequence[Reals]) -> Reals:
-    parts = [one * weight for one, weight in zip(ratios, weights, strict=True)]
-    return np.concatenate([np.concatenate([part.real, part.imag]) for part in parts])
+def _beyond(orthonormal: Reals, change: Reals) -> Reals:
+    """Return what these columns cannot do of a change."""
+    return change - orthonormal @ (orthonormal.T @ change)
 
 
 def _beside(best: FittedDisk, known: Sequence[Candidate], start: _Start) -> tuple[float, dict[str, float]] | None:
