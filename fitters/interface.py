@@ -126,6 +126,8 @@ class Curve:
     measured: Impedances
     start: Impedances
     fitted: Impedances
+    explained: Impedances | None = None
+    """The fit with the most probable errors of instrument and device too, if there are any."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,8 @@ from .frames import Array, ColumnHeader, WireError, pack
 
 CURVE_PARTS = ("frequency", "measured", "start", "fitted")
 """The columns of one curve: frequency in Hz, impedances in ohm."""
+EXPLAINED = "explained"
+"""A column that a curve may have: the fit with the most probable errors, ohm."""
 
 T = TypeVar("T")
 
@@ -63,7 +65,7 @@ def curve_columns(curves: Sequence[Curve]) -> tuple[tuple[ColumnHeader, ...], tu
     packed = [
         pack(f"{k}.{part}", "Hz" if part == "frequency" else "ohm", getattr(curve, part))
         for k, curve in enumerate(curves)
-        for part in CURVE_PARTS
+        for part in (CURVE_PARTS if curve.explained is None else (*CURVE_PARTS, EXPLAINED))
     ]
     return tuple(column for column, _ in packed), tuple(frame for _, frame in packed)
 
@@ -75,7 +77,8 @@ def curves_of(steps: Sequence[str], arrays: Mapping[str, Array]) -> tuple[Curve,
         missing = [part for part in CURVE_PARTS if f"{k}.{part}" not in arrays]
         if missing:
             raise WireError(f"message: curve {k} ({step}) has no column {missing[0]!r}")
-        f, *z = (arrays[f"{k}.{part}"] for part in CURVE_PARTS)
+        present = (*CURVE_PARTS, EXPLAINED) if f"{k}.{EXPLAINED}" in arrays else CURVE_PARTS
+        f, *z = (arrays[f"{k}.{part}"] for part in present)
         if any(f.ndim != 1 or part.shape != f.shape for part in z):
             raise WireError(f"message: the columns of curve {k} ({step}) differ in length")
         curves.append(Curve(step, f.real, *(np.asarray(part, dtype=np.complex128) for part in z)))

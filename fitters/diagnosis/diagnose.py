@@ -4,15 +4,18 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..disk.two_d.disk2d import Disk2DFitter
 from ..engine.fitted_model import Diagnosable, FittedModel
-from ..interface import FitTask, TaskError
+from ..error_model.uncertainty_sources import taken_up
+from ..interface import Curve, FitTask, TaskError
 from ..plugins import DEFAULT, load_fitter
 from ..uncertainty.fit_result import curves_of
 from ..user_effects import every_effect
 from .data_quality.data_gates import Gated, gate
 from .decision_rules import NAMED
-from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover, MismatchPlace, Verdict
+from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover, MismatchPlace, Remaining, Verdict
 from .hypotheses.bench_effects import BenchEffect, with_bench_effects
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
@@ -174,7 +177,7 @@ class _FiniteDiameter:
             verdict=verdict,
             baseline=FitSummary(null.chi2_per_dof, held, constants_of(self.problem, self.search.begin())),
             findings=tuple(findings),
-            says=(*_says(verdict, findings), *([_NOT_CARRIED] if wanted.others else [])),
+            says=(*_says(verdict, findings, said.remaining), *([_NOT_CARRIED] if wanted.others else [])),
             before=before,
             after=lateral.curves(said.after, before),
         )
@@ -235,9 +238,9 @@ def _told(
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, {one.effect for one in findings}),
         leftover=left,
-        says=(*_says(verdict, findings), *_nearest(found)) if verdict == "unexplained" else _says(verdict, findings),
+        says=(*_says(verdict, findings, found.remaining), *(_nearest(found) if verdict == "unexplained" else ())),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
-        after=curves_of(final.objective, final.descent.x, final.descent.x),
+        after=_with_errors(curves_of(final.objective, final.descent.x, final.descent.x), found),
         data=gated.checks,
         held_out_Hz=tuple(map(bands_of, problem.recordings, problem.proof)),
         others=proofs,
@@ -368,11 +371,25 @@ def _unknown(
     )
 
 
-def _says(verdict: Verdict, findings: list[Finding]) -> tuple[str, ...]:
+def _with_errors(curves: Sequence[Curve], found: Conclusion) -> tuple[Curve, ...]:
+    """Return the curves with the most probable errors of instrument and device, if the recordings have any."""
+    if found.remaining.errors <= (found.remaining.noise or 0.0):
+        return tuple(curves)
+    left = taken_up(found.final.fit).left
+    return tuple(
+        replace(curve, explained=curve.measured * np.exp(own)) for curve, own in zip(curves, left, strict=True)
+    )
+
+
+def _says(verdict: Verdict, findings: Sequence[Finding], remaining: Remaining | None) -> tuple[str, ...]:
+    """Return the verdict, a sentence for each finding, and what is left where that is more than noise."""
+    erring = remaining is not None and remaining.errors > (remaining.noise or 0.0)
+    usual = " and the usual errors of instrument and device" if erring else ""
     first = {
-        "no-mismatch": "Model and recording agree to within the noise.",
-        "explained": "Model and recording differ; the effects found explain the whole difference.",
+        "no-mismatch": f"Model and recording agree to within the noise{usual}.",
+        "explained": f"Model and recording differ; the effects found{usual} explain the whole difference.",
         "partly-explained": "Model and recording differ; the effects found explain most of the difference, not all.",
         "unexplained": "Model and recording differ, and no effect of the catalogue explains the difference.",
     }[verdict]
-    return (first, *(f"{finding.effect} at {finding.where}: {finding.says}" for finding in findings))
+    found = [f"{finding.effect} at {finding.where}: {finding.says}" for finding in findings]
+    return (first, *found, *([remaining.says] if remaining is not None and erring else []))

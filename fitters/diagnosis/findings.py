@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from ...models.build import EffectSpec
 from ..interface import Constant, Curve
 from .data_quality.data_issues import DataCheck
@@ -63,7 +65,31 @@ class Remaining:
 
     total: float
     instrument: float
-    """Part of it that the instrument's own error accounts for."""
+    """Part of it that the instrument's own error accounts for, with the residual of the fixture."""
+    device: float | None = None
+    """Part of imperfections that every device has: losses that change over the band, weak resonances."""
+    constants: float | None = None
+    """Part of smooth errors of the model, as changes of its constants over frequency."""
+    noise: float | None = None
+    """What none of these explains: noise, and rough errors of the model."""
+
+    @property
+    def errors(self) -> float:
+        """Root sum of squares of the errors of instrument, device and model."""
+        return float(np.sqrt(sum((part or 0.0) ** 2 for part in (self.instrument, self.device, self.constants))))
+
+    @property
+    def says(self) -> str:
+        """What is left as a sentence, largest part first."""
+        parts = {
+            "instrument and fixture": self.instrument,
+            "losses that change over the band and weak resonances": self.device,
+            "smooth errors of the model": self.constants,
+            "noise": self.noise,
+        }
+        shown = sorted(((size, name) for name, size in parts.items() if size), reverse=True)
+        causes = ", ".join(f"{name} {100 * size:.2g} %" for size, name in shown)
+        return f"The fit leaves {100 * self.total:.2g} % of Z (rms). Its most probable causes: {causes}."
 
 
 @dataclass(frozen=True)

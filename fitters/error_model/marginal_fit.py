@@ -306,6 +306,11 @@ class MarginalFit:
         by_chance = np.sqrt(2 * numbers + numbers**2 * spread_of_variance(numbers / 2) ** 2)
         return float(max(0.0, 0.5 * (excess - _ONE_IN_TWENTY * by_chance)))
 
+    @cached_property
+    def left_by_the_model(self) -> tuple[Complexes, ...]:
+        """ln(Z_model/Z) of each recording without any errors, shape (N,)."""
+        return tuple(self.marginal.around(None).residuals(self.x))
+
     @property
     def values(self) -> dict[str, float]:
         """Every model parameter."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from .correction_panels import MOST_PANELS, draw_corrections
 from .device_sketch import draw_sketch
 from .picture_file import as_label, save_picture
 
-BEFORE, AFTER, SHOWS, MARK, FAINT, HELD = "#b4342a", "#1f5fa8", "#fde3c1", "#e07b12", "#8a8f98", "#4b7f52"
+BEFORE, AFTER, EXPLAINED = "#b4342a", "#1f5fa8", "#6a4c93"
+SHOWS, MARK, FAINT, HELD = "#fde3c1", "#e07b12", "#8a8f98", "#4b7f52"
 _STRIP = 0.025
 """Height of the strip that marks held-out bands, relative to the axes."""
 _SMOOTH = 9
@@ -23,6 +25,8 @@ _SMOOTH = 9
 _LEAST_SPAN = 50.0
 """Smallest span of the residuals' axis, so that noise alone looks small."""
 _MOST_PANELS, _MOST_BARS = 6, 9
+_TITLE = 100
+"""Characters in a line of the title."""
 _CORRECTIONS = 2.4
 """Height of the row of corrections, inches."""
 
@@ -60,7 +64,8 @@ def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], buil
         else:
             axes.set_axis_off()
     name = "device" if build is None else build.name
-    above.suptitle(as_label(f"{name}: {diagnosis['says'][0]}"), fontweight="bold", fontsize=11.5)
+    title = fill(f"{name}: {diagnosis['says'][0]}", _TITLE)
+    above.suptitle(as_label(title), fontweight="bold", fontsize=11.5)
     sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])
     if build is None:
         sketch.set_axis_off()
@@ -102,6 +107,8 @@ def _residuals(
     lines = [(curve.start, BEFORE, "without the findings"), (curve.fitted, AFTER, "with them")]
     if not named:
         lines = [(curve.fitted, AFTER, "model against recording")]
+    if curve.explained is not None:
+        lines.append((curve.explained, EXPLAINED, "and with errors of instrument and device"))
     for Z, colour, label in lines:
         size = np.abs(np.log(Z / curve.measured))
         axes.semilogy(f, np.maximum(size, floor), color=colour, linewidth=0.5, alpha=0.35)
@@ -117,7 +124,7 @@ def _residuals(
     axes.tick_params(labelsize=8.5)
     axes.spines[["top", "right"]].set_visible(False)
     if legend:
-        axes.legend(fontsize=8.5, frameon=False, ncols=5, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
+        axes.legend(fontsize=8.5, frameon=False, ncols=6, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
 
 
 def _bands(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], held: Sequence[Sequence[float]]) -> None:

@@ -121,8 +121,15 @@ def _most_probable_alike(search: GreedySearch, one: Hypothesis, sure: Mapping[Ca
 
 
 def remaining_of(one: Hypothesis) -> Remaining:
-    """Return what a hypothesis leaves, and the part of it that is the instrument's."""
-    return Remaining(_rms(one), _size(taken_up(one.fit).instrument))
+    """Return what a hypothesis leaves of ln Z, and the most probable causes of it."""
+    taken = taken_up(one.fit)
+    return Remaining(
+        total=_size(one.fit.left_by_the_model),
+        instrument=_size(taken.instrument),
+        device=_size(taken.usual),
+        constants=_size(taken.model),
+        noise=_size(taken.left),
+    )
 
 
 def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:

@@ -221,9 +221,13 @@ def curves(of_disk: Sequence[Curve], of_null: Sequence[Curve]) -> tuple[Curve, .
             made.append(curve)
             continue
         left = [one for one in left if one is not own]
+        inside = np.isin(curve.frequency, own.frequency)
         fitted = curve.fitted.copy()
-        fitted[np.isin(curve.frequency, own.frequency)] = own.fitted
-        made.append(replace(curve, fitted=fitted))
+        fitted[inside] = own.fitted
+        explained = None if own.explained is None else fitted.copy()
+        if explained is not None:
+            explained[inside] = own.explained
+        made.append(replace(curve, fitted=fitted, explained=explained))
     return tuple(made)
 
 

@@ -31,6 +31,22 @@ def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
     assert [one.effect for one in diagnosis.result.remarks] == ["lead-inductance"]
     said = " ".join(str(diagnosis).split())
-    assert said.startswith("Model and recording agree to within the noise.")
+    assert said.startswith("Model and recording agree to within the noise")
     assert "remark, no mismatch: terminals" in said
     assert "% (rms) and no constant by its uncertainty" in said
+
+
+def test_errors_that_a_verdict_relies_on_are_told_and_drawn() -> None:
+    noise, accuracy = 1e-6, 8e-4
+    diagnosis = with_lead(2e-8, accuracy)
+    assert [one.effect for one in diagnosis.findings] == ["lead-inductance"]
+    assert diagnosis.result.says[0].endswith("the usual errors of instrument and device explain the whole difference.")
+    assert diagnosis.result.says[-1].startswith("The fit leaves 0.0")
+    (curve,) = diagnosis.result.after
+    assert curve.explained is not None
+    assert np.std(np.log(curve.fitted / curve.measured)) > 0.1 * accuracy
+    assert np.std(np.log(curve.explained / curve.measured)) < 2 * np.sqrt(2) * noise
+    remaining = diagnosis.result.remaining
+    assert remaining is not None
+    assert remaining.noise is not None
+    assert remaining.noise < 2 * np.sqrt(2) * noise < 0.1 * accuracy < remaining.total
