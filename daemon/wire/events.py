@@ -161,7 +161,8 @@ class FitEvent(Sampled, frozen=True, kw_only=True, tag="fit"):
 class DiagnosisEvent(Sampled, frozen=True, kw_only=True, tag="diagnosis"):
     """A diagnosis: the object that `pzctl diagnose --json` prints.
 
-    Columns as for a fit: `K.start` is the model without the findings, `K.fitted` the model with them.
+    Columns as for a fit: `K.start` is the model without the findings, `K.fitted` the model with them; `K.explained`, if
+    there is one, is the model with the most probable errors of instrument and device too.
     """
 
     fitter: str
