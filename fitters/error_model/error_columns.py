@@ -11,6 +11,7 @@ from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_o
 from ...models.base.model import Model
 from ...models.effects import Device
 from ...models.effects.base.branch import branch
+from ...models.effects.base.corrected_path import SERIES, SHUNT
 from ...models.effects.base.scale import active, capacitance, reactance, resonance
 from ...models.stack import Elastic, Piezo, Stack
 from ..engine.recording import Recording
@@ -32,25 +33,38 @@ class WeakLine:
     """Hz."""
     q: float
 
-    def columns(self, frequency: Frequencies, Z: Impedances, capacitance: float) -> Complexes:
-        """Return d ln Z per unit of its prior, in phase and in quadrature, shape (N, 2).
+    def admittance(self, frequency: Frequencies, capacitance: float) -> Complexes:
+        """Return the admittance of its branch in parallel with the device per unit of its prior, in phase, shape (N,).
 
-        `capacitance` is the clamped one, F; the line is a branch in parallel with the device.
+        `capacitance` is the clamped one, F.
         """
-        jw = j_omega(frequency)
         residue = scales.LINE / self.q * capacitance
-        change = -Z * residue * branch(jw, 2 * np.pi * self.frequency, self.q)
-        return np.stack([change, 1j * change], axis=1)
+        return np.asarray(residue * branch(j_omega(frequency), 2 * np.pi * self.frequency, self.q), np.complex128)
+
+
+HELD = "held:"
+"""Prefix of the correction of a value held as exact."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldValue:
+    """A value held as exact that may be off by its tolerance."""
+
+    name: str
+    relative: float
+    """Its tolerance."""
+    columns: tuple[Complexes, ...]
+    """d ln Z per tolerance in each recording, shape (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class ColumnCorrection:
-    """The relative correction of a constant that a column of unit coefficient stands for."""
+    """The correction of a constant, of a held value or of the path that a column of unit coefficient stands for."""
 
     name: str
-    """Constant, `disk.c33D`."""
+    """Constant, `disk.c33D`; `series` or `shunt`; a held value behind `held:`."""
     relative: tuple[Complexes, ...]
-    """For each recording, shape (N,)."""
+    """For each recording, shape (N,); of the path in ohm or siemens."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,15 +165,12 @@ def _of_parameters(model: Model) -> _Names:
 
 def columns_of(
     places: Sequence[LinearisedRecording],
-    held: Sequence[Sequence[Complexes]],
+    held: Sequence[HeldValue],
     lines: Sequence[WeakLine] = (),
     *,
     fast: bool = True,
 ) -> ErrorColumns:
-    """Return all columns over all recordings of a session, which has one instrument and one fixture.
-
-    `held`: for each value held as exact, d ln Z per its tolerance in each recording, shape (N,).
-    """
+    """Return all columns over all recordings of a session, which has one instrument and one fixture."""
     edges = [np.log(place.recording.sweep.frequency[[0, -1]]) for place in places]
     ends = float(min(e[0] for e in edges)), float(max(e[1] for e in edges))
     parts: list[Part] = []
@@ -183,12 +194,13 @@ def columns_of(
         return [smooth(np.log(place.recording.sweep.frequency), ends, length, most) for place in places]
 
     _instrument(add, places, grid, fast=fast)
-    _fixture(add)
+    _fixture(add, places)
     _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
     _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE))
-    for column in held:
-        of = {id(place): own for place, own in zip(places, column, strict=True)}
-        add("held", 0.0, lambda p, of=of: of[id(p)])
+    for one in held:
+        of = _at(places, one.columns)
+        everywhere = tuple(np.full(place.Z.size, complex(one.relative)) for place in places)
+        add("held", 0.0, lambda p, of=of: of[id(p)], ColumnCorrection(HELD + one.name, everywhere))
     _lines(add, places, lines)
     blocks = tuple(np.stack(own, axis=1) for own in made)
     points = tuple(_points(place) for place in places)
@@ -231,21 +243,23 @@ def _gain(place: LinearisedRecording) -> float:
     return accuracy_of(place.recording.sweep)
 
 
-def _fixture(add: _Add) -> None:
+def _fixture(add: _Add, places: Sequence[LinearisedRecording]) -> None:
     """Add the residual of the compensation: a series impedance and a shunt admittance."""
-    series: dict[str, Callable[[Frequencies], Complexes]] = {
-        "inductance": lambda f: _complex(2j * np.pi * f),
-        "resistance": lambda f: _complex(np.ones(f.size)),
-        "skin": lambda f: np.asarray((1 + 1j) * np.sqrt(f / 1e6), np.complex128),
+    laws: dict[str, tuple[str, Callable[[Frequencies], Complexes]]] = {
+        "inductance": (SERIES, j_omega),
+        "resistance": (SERIES, lambda f: _complex(np.ones(f.size))),
+        "skin": (SERIES, lambda f: _complex((1 + 1j) * np.sqrt(f / 1e6))),
+        "capacitance": (SHUNT, j_omega),
+        "conductance": (SHUNT, lambda f: _complex(np.ones(f.size))),
     }
-    shunt: dict[str, Callable[[Frequencies], Complexes]] = {
-        "capacitance": lambda f: _complex(2j * np.pi * f),
-        "conductance": lambda f: _complex(np.ones(f.size)),
-    }
-    for name, law in series.items():
-        add("fixture", 0.0, lambda p, s=scales.FIXTURE[name], law=law: s * law(p.recording.sweep.frequency) / p.Z)
-    for name, law in shunt.items():
-        add("fixture", 0.0, lambda p, s=scales.FIXTURE[name], law=law: -s * law(p.recording.sweep.frequency) * p.Z)
+    for name, (part, law) in laws.items():
+        own = tuple(scales.FIXTURE[name] * law(p.recording.sweep.frequency) for p in places)
+        _correction(add, "fixture", 0.0, places, _path_slopes(part, places), ColumnCorrection(part, own))
+
+
+def _path_slopes(name: str, places: Sequence[LinearisedRecording]) -> list[Complexes]:
+    """Return d ln Z per ohm in series, or per siemens across the device, in each recording, shape (N,)."""
+    return [1 / p.Z if name == SERIES else -p.Z for p in places]
 
 
 def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:
@@ -256,8 +270,9 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
     slopes: dict[str, list[Complexes]] = {
         name: [p.felt.get(name, np.zeros(p.Z.size, np.complex128)) for p in places] for name in names
     }
-    slopes["series"] = [z0 / p.Z for p in places]
-    slopes["shunt"] = [-p.Z / z0 for p in places]
+    units = dict.fromkeys(names, 1.0) | {SERIES: z0, SHUNT: 1 / z0}
+    for name in (SERIES, SHUNT):
+        slopes[name] = _path_slopes(name, places)
     for name, own in slopes.items():
         centred = _centred(functions, own)
         loss = next((p.losses[name] for p in places if name in p.losses), 0.0)
@@ -269,7 +284,7 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
         )
         few = centred[0].shape[1] if name in names else min(scales.FEW_PATH, centred[0].shape[1])
         for k in range(few):
-            real = ColumnCorrection(name, tuple(_complex(one[:, k]) for one in centred))
+            real = ColumnCorrection(name, tuple(_complex(units[name] * one[:, k]) for one in centred))
             imaginary = ColumnCorrection(name, tuple(1j * one for one in real.relative))
             _correction(add, "tau", 0.0, places, own, real)
             _correction(add, "imaginary", own_loss, places, own, imaginary)
@@ -322,16 +337,23 @@ def _shapes(add: _Add, places: Sequence[LinearisedRecording], functions: Sequenc
 def _lines(add: _Add, places: Sequence[LinearisedRecording], lines: Sequence[WeakLine]) -> None:
     """Add the residues of weak lines."""
     for line in lines:
-        own = {id(p): line_columns(p.recording, p.Z, line) for p in places}
-        for k in range(2):
-            add("line", 0.0, lambda p, own=own, k=k: own[id(p)][:, k])
+        own = [line_admittance(p.recording, line) for p in places]
+        for unit in (1.0, 1j):
+            one = ColumnCorrection(SHUNT, tuple(_complex(unit * Y) for Y in own))
+            _correction(add, "line", 0.0, places, _path_slopes(SHUNT, places), one)
+
+
+def line_admittance(recording: Recording, line: WeakLine) -> Complexes:
+    """Return the admittance of a weak line in a recording, shape (N,); zero in another step's."""
+    if recording.step != line.step:
+        return np.zeros(recording.sweep.frequency.size, np.complex128)
+    return line.admittance(recording.sweep.frequency, capacitance(stack_of(recording.model)))
 
 
 def line_columns(recording: Recording, Z: Impedances, line: WeakLine) -> Complexes:
-    """Return the columns of a weak line in a recording, shape (N, 2); zero in another step's."""
-    if recording.step != line.step:
-        return np.zeros((Z.size, 2), np.complex128)
-    return line.columns(recording.sweep.frequency, Z, capacitance(stack_of(recording.model)))
+    """Return the columns of a weak line in a recording, in phase and in quadrature, shape (N, 2)."""
+    change = -Z * line_admittance(recording, line)
+    return np.stack([change, 1j * change], axis=1)
 
 
 def _points(place: LinearisedRecording) -> PointErrors:

@@ -1,20 +1,26 @@
 """Fits by marginal likelihood: errors of instrument and model are integrated out, and their sizes estimated."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects import Device
 from ...models.effects.base.corrected_constants import CORRECTED, EVERYWHERE, CorrectedConstants, Corrections
+from ...models.effects.base.corrected_path import SERIES, SHUNT, CorrectedPath, PathCorrection
+from ...models.effects.base.effect import TERMINALS
+from ...models.effects.polarity import Polarity
 from ...models.stack import Piezo, Stack
 from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
-from .error_columns import ErrorColumns, LinearisedRecording, WeakLine, columns_of, place_of
+from ..engine.parameters.coordinates import Coordinates
+from ..engine.recording import Recording
+from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
 from .error_sizes import USUAL, Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
 from .point_covariance import PointErrors, spread_of_variance
 
@@ -31,8 +37,11 @@ _CLOSE = 0.02
 """Decrease of minus twice ln density below which a fit has converged; no decision depends on a fiftieth."""
 _LINEAR = 0.1
 """Part of chi2 that corrections of constants may leave beyond first order."""
+_SETTLED, _FURTHER = 0.5, 4
+"""Change of ln evidence in a round below which a fit has converged, a fifth of the smallest that decides; number
+of further rounds until then, at most."""
 _DAMPED, _RELAXED = 10.0, 0.1
-_WEIGHTED, _SETTLED = 10, 0.02
+_WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
 _FURTHEST = 1.5
 """Longest step in any coordinate (a logarithm, or prior standard deviations) for which the model is nearly linear."""
@@ -97,15 +106,16 @@ class Marginal:
         """The objective of the corrected model."""
         if self.corrections is None:
             return self.objective
-        effect = CorrectedConstants(self.corrections)
         known: dict[int, Model] = {}
         for one in self.objective.recordings:
             model = one.model
             if id(model) not in known:
                 device = model if isinstance(model, Device) else Device(model)
-                known[id(model)] = device.with_effect(effect, EVERYWHERE)
+                known[id(model)] = _with_corrections(device, one.step, self.corrections)
         recordings = [replace(one, model=known[id(one.model)]) for one in self.objective.recordings]
-        return Objective(recordings, self.objective.coordinates, self.objective.priors, slopes_later=True)
+        old, held = self.objective.coordinates, self.corrections.held
+        start = {name: value * float(np.exp(held.get(name, 0.0))) for name, value in old.start.items()}
+        return Objective(recordings, Coordinates(old.blocks, start, old.free), self.objective.priors, slopes_later=True)
 
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
         """Return the columns of errors at a point."""
@@ -121,27 +131,52 @@ class Marginal:
                 for name, sizes in self.shapes.items()
             }
             places.append(place_of(replace(recording, model=model), shapes))
-        made = columns_of(places, self._held(x), self.lines, fast=fast)
-        return made if self.corrections is None else replace(made, absorbed=tuple(map(self._absorbed, places)))
+        held = self._held(x)
+        made = columns_of(places, held, self.lines, fast=fast)
+        if self.corrections is None:
+            return made
+        absorbed = [self._absorbed(place) for place in places]
+        for one in held:
+            moved = self.corrections.held.get(one.name, 0.0) / one.relative
+            absorbed = [total + moved * own for total, own in zip(absorbed, one.columns, strict=True)]
+        return replace(made, absorbed=tuple(absorbed))
 
     def _absorbed(self, place: LinearisedRecording) -> Complexes:
         """Return what the corrections change in ln Z of a recording to first order, shape (N,)."""
-        total = np.zeros(place.Z.size, np.complex128)
-        if self.corrections is not None:
-            for name in self.corrections.relative:
-                if name in place.felt:
-                    total += place.felt[name] * self.corrections.over(name, place.recording.sweep.frequency)
+        total, known, f = np.zeros(place.Z.size, np.complex128), self.corrections, place.recording.sweep.frequency
+        if known is None:
+            return total
+        for name in known.relative:
+            if name in place.felt:
+                total += place.felt[name] * known.over(name, f)
+        if (path := known.paths.get(place.recording.step)) is not None:
+            total += path.over(SERIES, f) / place.Z - path.over(SHUNT, f) * place.Z
         return total
 
     def corrections_at(self, made: Gram, coefficients: Reals) -> Corrections | None:
-        """Return corrections of a ceramic's constants from the coefficients of columns, shape (C,); None for none."""
-        log_f = np.concatenate([np.log(one.sweep.frequency) for one in self.objective.recordings])
-        points, first = np.unique(log_f, return_index=True)
-        found: dict[str, Complexes] = {}
-        for own, size in zip(made.columns.corrections, coefficients.tolist(), strict=True):
-            if own is not None and size and own.name in self.of_ceramics:
-                found[own.name] = found.get(own.name, 0) + size * np.concatenate(own.relative)[first]
-        return Corrections(points, found) if found else None
+        """Return corrections of constants and paths from the coefficients of columns, shape (C,); None for none."""
+        recordings = self.objective.recordings
+        log_f, relative = _sampled(recordings, made, coefficients, self.of_ceramics)
+        paths: dict[str, PathCorrection] = {}
+        for step in dict.fromkeys(one.step for one in recordings):
+            own = [k for k, one in enumerate(recordings) if one.step == step and not _altered(one.model)]
+            if own:
+                paths[step] = PathCorrection(*_sampled(recordings, made, coefficients, _PATH, own))
+        paths = {step: path for step, path in paths.items() if path.values}
+        held = {
+            own.name.removeprefix(HELD): float(size * own.relative[0][0].real)
+            for own, size in zip(made.columns.corrections, coefficients.tolist(), strict=True)
+            if own is not None and size and own.name.startswith(HELD)
+        }
+        return Corrections(log_f, relative, paths, held) if relative or paths or held else None
+
+    def corrected(self, columns: ErrorColumns) -> NDArray[np.bool_]:
+        """Return whether each column stands for a correction of what can be corrected, shape (C,)."""
+        there = self.of_ceramics | _PATH
+        return np.array(
+            [own is not None and (own.name in there or own.name.startswith(HELD)) for own in columns.corrections],
+            dtype=bool,
+        )
 
     @cached_property
     def of_ceramics(self) -> frozenset[str]:
@@ -154,15 +189,19 @@ class Marginal:
                 names |= {f"{name}.{constant}" for name in layers for constant in CORRECTED}
         return frozenset(names)
 
-    def _held(self, x: Reals) -> list[list[Complexes]]:
-        """Return d ln Z per tolerance in each recording, shape (N,), for each held value that may be off."""
-        coordinates = self.objective.coordinates
+    def _held(self, x: Reals) -> list[HeldValue]:
+        """Return the held values that may be off."""
+        coordinates = self._corrected.coordinates
         values, _ = coordinates.forward(x)
         names, tolerances = held_constants(coordinates, values)
         loose = tuple(name for name in names if kind_of(name) in _LOOSE)
-        slopes = self._unweighted(slopes_by_held(self.objective, loose, values).T)
-        columns = [[own[:, k] * tolerances[name] for own in slopes] for k, name in enumerate(loose)]
-        return [column for column in columns if all(np.all(np.isfinite(own)) for own in column)]
+        slopes = self._unweighted(slopes_by_held(self._corrected, loose, values).T)
+        made = [
+            HeldValue(name, tolerances[name] / values[name], tuple(own[:, k] * tolerances[name] for own in slopes))
+            for k, name in enumerate(loose)
+            if tolerances[name] > 0
+        ]
+        return [one for one in made if all(np.all(np.isfinite(own)) for own in one.columns)]
 
     def gram(self, x: Reals, columns: ErrorColumns) -> Gram:
         """Return all inputs of the marginal likelihood at `x`."""
@@ -210,6 +249,39 @@ class Marginal:
         return made
 
 
+_PATH = frozenset({SERIES, SHUNT})
+
+
+def _with_corrections(device: Device, step: str, corrections: Corrections) -> Device:
+    """Return a device with the corrected constants of its layers and the corrected path of its step."""
+    if corrections.relative:
+        device = device.with_effect(CorrectedConstants(corrections), EVERYWHERE)
+    path = corrections.paths.get(step)
+    return device if path is None or _altered(device) else device.with_effect(CorrectedPath(path), TERMINALS)
+
+
+def _altered(model: Model) -> bool:
+    """Return whether a recording is inverted or conjugated: nothing can be added to its path as to that of a device."""
+    return isinstance(model, Device) and any(isinstance(one.effect, Polarity) for one in model.added)
+
+
+def _sampled(
+    recordings: Sequence[Recording],
+    made: Gram,
+    coefficients: Reals,
+    names: Collection[str],
+    which: Sequence[int] | None = None,
+) -> tuple[Reals, dict[str, Complexes]]:
+    """Return ln f of these recordings, shape (K,), and the sum of their columns' corrections by name, shape (K,)."""
+    which = range(len(recordings)) if which is None else which
+    points, first = np.unique(np.concatenate([np.log(recordings[k].sweep.frequency) for k in which]), return_index=True)
+    found: dict[str, Complexes] = {}
+    for own, size in zip(made.columns.corrections, coefficients.tolist(), strict=True):
+        if own is not None and size and own.name in names:
+            found[own.name] = found.get(own.name, 0) + size * np.concatenate([own.relative[k] for k in which])[first]
+    return points, found
+
+
 def plain(marginal: Marginal, starts: Sequence[Reals], most: int = 8) -> Reals:
     """Return the lowest minimum of plain least squares, with all misfit as white noise and no smooth errors.
 
@@ -226,7 +298,7 @@ def _plain(marginal: Marginal, x: Reals, most: int) -> tuple[Reals, float]:
     last = np.inf
     for _ in range(_WEIGHTED):
         misfits = [float(np.sqrt(np.mean(np.abs(r) ** 2) / 2)) for r in marginal.residuals(x)]
-        if float(np.sum(np.log(misfits))) > last - _SETTLED * len(misfits):
+        if float(np.sum(np.log(misfits))) > last - _UNCHANGED * len(misfits):
             break
         last = float(np.sum(np.log(misfits)))
         errors = tuple(
@@ -245,8 +317,6 @@ class Minimum:
     x: Reals
     """Coordinates, shape (M,)."""
     sizes: ErrorSizes
-    columns_at: Reals
-    """Coordinates at which the columns of errors were computed, shape (M,)."""
     fast: bool
     """Whether these include fast instrument errors."""
     converged: bool
@@ -264,12 +334,10 @@ class MarginalFit:
     value: Value
 
     @classmethod
-    def at(cls, marginal: Marginal, minimum: Minimum, columns: ErrorColumns | None = None) -> "MarginalFit":
-        """Return the fit with this minimum; `columns` are those at `minimum.columns_at`, if they are known."""
+    def at(cls, marginal: Marginal, minimum: Minimum) -> "MarginalFit":
+        """Return the fit with this minimum."""
         marginal = marginal.around(minimum.corrections)
-        if columns is None:
-            columns = marginal.columns(minimum.columns_at, fast=minimum.fast)
-        made = marginal.gram(minimum.x, columns)
+        made = marginal.gram(minimum.x, marginal.columns(minimum.x, fast=minimum.fast))
         return cls(marginal, minimum, made, made.value(minimum.sizes))
 
     @property
@@ -353,41 +421,40 @@ def fit(
     never = [name for name, allowed in (("tau", tau), ("shape", shape)) if not allowed]
     for name in never:
         starts = tuple(own.at(name, 0.0) for own in starts)
-    sizes, steps = starts[0], 0
+    sizes = starts[0]
     order = [name for name in ORDER if (fast or name != "fast") and name not in never]
-    at = x
-    columns = marginal.columns(at, fast=fast)
-    for k in range(rounds):
-        if k > 0:
-            at = x
-            columns = marginal.columns(at, fast=fast)
+    made = marginal.gram(x, marginal.columns(x, fast=fast))
+    converged, before = False, np.inf
+    for k in range(rounds + _FURTHER if rounds else 0):
         if not fixed:
-            made = marginal.gram(x, columns)
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order, all_starts=k == 0)
-        x, steps = _down(marginal, x, Held.of(columns, sizes))
-        if k == rounds - 1:
+        x, steps = _down(marginal, x, Held.of(made.columns, sizes))
+        marginal, remainder = _recorrected(marginal, x, made, sizes)
+        made = marginal.gram(x, marginal.columns(x, fast=fast))
+        value = made.value(sizes)
+        converged = steps < _STEPS and abs(value.log_evidence - before) < _SETTLED
+        if (k >= rounds - 1 and converged) or (k > 0 and steps <= 1 and remainder < _LINEAR):
             break
-        corrected, remainder = _recorrected(marginal, x, columns, sizes)
-        if remainder >= _LINEAR:
-            marginal = corrected
-        elif steps <= 1 and k > 0:
-            break
-    minimum = Minimum(x, sizes, at, fast, converged=steps < _STEPS, corrections=marginal.corrections)
-    return MarginalFit.at(marginal, minimum, columns)
+        before = value.log_evidence
+    return MarginalFit(marginal, Minimum(x, sizes, fast, converged, marginal.corrections), made, made.value(sizes))
 
 
-def _recorrected(marginal: Marginal, x: Reals, columns: ErrorColumns, sizes: ErrorSizes) -> tuple[Marginal, float]:
-    """Return the fit about the most probable corrections, and how far from linear they are: its part of chi2."""
-    made = marginal.gram(x, columns)
-    coefficients = made.coefficients(sizes)
+def _recorrected(marginal: Marginal, x: Reals, made: Gram, sizes: ErrorSizes) -> tuple[Marginal, float]:
+    """Return the fit about the most probable corrections, and how far from linear they are: its part of chi2.
+
+    `made` has the columns with which the fit descended to `x`. Corrections that are linear enough are left as they are.
+    """
+    made = marginal.gram(x, made.columns)
+    coefficients, columns = made.coefficients(sizes), made.columns
     corrected = marginal.around(marginal.corrections_at(made, coefficients))
-    on = np.array([own is not None and own.name in marginal.of_ceramics for own in columns.corrections], dtype=bool)
+    on = marginal.corrected(columns)
     expected = [block[:, on] @ coefficients[on] for block in columns.blocks]
-    pairs = zip(corrected.residuals(x), columns.beyond(marginal.residuals(x)), expected, columns.points, strict=True)
+    pairs = zip(corrected.residuals(x), made.r, expected, columns.points, strict=True)
     remainders = [np.abs(there - here - change) / own.noise for there, here, change, own in pairs]
-    return corrected, sum(float(np.sum(part**2)) for part in remainders)
+    remainder = sum(float(np.sum(part**2)) for part in remainders)
+    return corrected if remainder >= _LINEAR else marginal, remainder
 
 
 def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:

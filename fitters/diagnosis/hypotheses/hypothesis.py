@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from ....models.base.arrays import Reals
+from ....models.effects.base.corrected_constants import Corrections
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
@@ -111,14 +112,16 @@ def fitted(
     shape: bool = True,
     fixed: bool = False,
     others: Sequence[Mapping[str, float]] = (),
+    about: Corrections | None = None,
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
     `fast`, `tau`, `shape`: whether fast errors of the instrument and smooth ones of all constants and of the effects'
     formulas are allowed. `fixed`: whether errors have the sizes of the first start. `others`: further values from
-    which plain least squares start; the fit continues from the lowest minimum.
+    which plain least squares start; the fit continues from the lowest minimum. `about`: corrections of constants about
+    which the errors of a fit are linear that ended at `values`.
     """
-    marginal = marginal_of(problem, effects, values)
+    marginal = marginal_of(problem, effects, values).around(about)
     x = marginal.objective.coordinates.x
     if not near:
         free = marginal.objective.coordinates.free

@@ -3,10 +3,12 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Self
 
 import numpy as np
 
 from ....models.base.errors import PzctlError
+from ....models.effects.base.corrected_constants import Corrections
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
@@ -48,6 +50,14 @@ class _Plan:
     """Whether errors have the first of these sizes."""
     others: tuple[Mapping[str, float], ...] = ()
     """Further values from which it may start."""
+    about: Corrections | None = None
+    """Corrections about which the errors of a fit are linear that ended at `values`."""
+
+    @classmethod
+    def after(cls, one: Hypothesis, sizes: tuple[ErrorSizes, ...], rounds: int = 3, *, fixed: bool = False) -> Self:
+        """Return the continuation of a fit."""
+        about = one.fit.minimum.corrections
+        return cls(one.effects, one.values, sizes, near=True, rounds=rounds, fixed=fixed, about=about)
 
 
 @dataclass(eq=False)
@@ -125,8 +135,9 @@ class GreedySearch:
         self.problem = problem
         null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
         sizes = null.fit.sizes, ErrorSizes()
-        self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True)}
-        self._fit([_Plan(one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True) for one in again])
+        about = null.fit.minimum.corrections
+        self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True, about=about)}
+        self._fit([_Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in again])
 
     def substitute(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""
@@ -271,6 +282,7 @@ class GreedySearch:
                 fast=self._fast,
                 fixed=plan.fixed,
                 others=plan.others,
+                about=plan.about,
             )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return None
@@ -296,7 +308,7 @@ class GreedySearch:
             if not again:
                 break
             self._fine.update(one.key for one in again)
-            self._fit([_Plan(one.effects, one.values, _restart(one), near=True, rounds=4) for one in again])
+            self._fit([_Plan.after(one, _restart(one), rounds=4) for one in again])
         if self._may_be_exact(self.best):
             self._fit([_Plan(self.best.effects, self.best.values, (ErrorSizes(),), near=True, fixed=True)])
         for _ in range(UNFINISHED):
@@ -304,7 +316,7 @@ class GreedySearch:
             if best.fit.converged:
                 break
             exact = best.fit.sizes.exact  # a fit that chose errors again would end elsewhere
-            self._fit([_Plan(best.effects, best.values, _restart(best), near=True, rounds=4, fixed=exact)])
+            self._fit([_Plan.after(best, _restart(best), rounds=4, fixed=exact)])
             if self.best is best:
                 break
 

@@ -10,6 +10,7 @@ from ...base.arrays import Complexes, Frequencies, Reals
 from ...stack import LossLaw, Piezo, Stack
 from ...stack.stack import Layer
 from .assembly import Assembly
+from .corrected_path import PathCorrection
 from .effect import Effect, EffectParameter, Stage
 from .modified_laws import Multiple
 
@@ -21,12 +22,16 @@ CORRECTED = tuple(_LAWS)
 
 @dataclass(frozen=True, eq=False)
 class Corrections:
-    """Relative corrections of constants at some frequencies, linear in ln f between them."""
+    """Relative corrections of constants at some frequencies, linear in ln f between them, and those of the path."""
 
     log_f: Reals
     """Shape (K,), increasing."""
     relative: Mapping[str, Complexes]
     """By constant (`disk.c33D`), shape (K,)."""
+    paths: Mapping[str, PathCorrection] = field(default_factory=dict[str, PathCorrection])
+    """By gluing step: what its path to the analyzer adds."""
+    held: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Changes of ln value of values that a fit holds as exact, by name."""
 
     def over(self, name: str, frequency: Frequencies) -> Complexes:
         """Return the correction of one constant at frequencies in Hz, shape (N,)."""

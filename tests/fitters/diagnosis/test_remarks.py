@@ -6,17 +6,26 @@ import pytest
 import pzctl
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
 from pzctl.daemon.report.analysis import DiagnosisAnalysis
+from pzctl.models.base.model import Model
+from pzctl.models.effects import Device, lead_inductance, thickness_variation
 
 F = np.linspace(2e6, 6e6, 201)
 
 
-def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
-    """Return the diagnosis of a disk with a lead (H), by an analyzer that errs by its accuracy with a noise of 1e-6."""
+def diagnosed(device: Model, accuracy: float, effects: list[str]) -> DiagnosisAnalysis:
+    """Return the diagnosis of a recording by an analyzer that errs by its accuracy, with a noise of 1e-6."""
     noise = np.random.default_rng(1).normal(scale=1e-6, size=(2, F.size))
-    Z = pzctl.model(THESIS_BUILD, "disk").impedance(F) + 2j * np.pi * F * inductance
     gain = accuracy * np.log(F / 3.5e6)
-    sweep = pzctl.Sweep(F, Z * np.exp(gain + noise[0] + 1j * noise[1]), settings={"accuracy": accuracy})
-    return pzctl.diagnose(THESIS_BUILD, {"disk": sweep}, effects=["lead-inductance", "series-resistance"])
+    Z = device.impedance(F) * np.exp(gain + noise[0] + 1j * noise[1])
+    sweep = pzctl.Sweep(F, Z, settings={"accuracy": accuracy})
+    return pzctl.diagnose(THESIS_BUILD, {"disk": sweep}, effects=effects)
+
+
+def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
+    """Return the diagnosis of a disk with a lead (H)."""
+    lead = lead_inductance.EFFECT
+    device = Device(pzctl.model(THESIS_BUILD, "disk")).with_effect(lead, "terminals", {"inductance": inductance})
+    return diagnosed(device, accuracy, ["lead-inductance", "series-resistance"])
 
 
 @pytest.mark.parametrize("accuracy", [1e-5, 8e-4])
@@ -27,13 +36,20 @@ def test_two_picohenry_are_no_mismatch(accuracy: float) -> None:
 
 
 def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
-    diagnosis = with_lead(1e-9, 1e-5)
+    uneven = thickness_variation.EFFECT
+    device = Device(pzctl.model(THESIS_BUILD, "disk")).with_effect(uneven, "layer:disk", {"variance": 4e-8})
+    diagnosis = diagnosed(device, 8e-4, ["thickness-variation", "series-resistance"])
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
-    assert [one.effect for one in diagnosis.result.remarks] == ["lead-inductance"]
+    assert [one.effect for one in diagnosis.result.remarks] == ["thickness-variation"]
     said = " ".join(str(diagnosis).split())
     assert said.startswith("Model and recording agree to within the noise")
-    assert "remark, no mismatch: terminals" in said
+    assert "remark, no mismatch: layer:disk" in said
     assert "% (rms) and no constant by its uncertainty" in said
+
+
+def test_a_lead_as_short_as_the_usual_residual_of_a_fixture_is_no_finding() -> None:
+    diagnosis = with_lead(1e-9, 1e-5)
+    assert (diagnosis.verdict, diagnosis.findings, diagnosis.result.remarks) == ("no-mismatch", (), ())
 
 
 def test_errors_that_a_verdict_relies_on_are_told_and_drawn() -> None:
