@@ -20,7 +20,7 @@ from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
 from ..engine.recording import Recording
-from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
+from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, Part, WeakLine, columns_of, place_of
 from .error_sizes import USUAL, Beforehand, ErrorSizes, Gram, Held, Value, chosen, rough_guess
 from .point_covariance import PointErrors, spread_of_variance
 
@@ -47,6 +47,8 @@ _FURTHEST = 1.5
 """Longest step in any coordinate (a logarithm, or prior standard deviations) for which the model is nearly linear."""
 
 
+_NOT_OF_THE_MODEL = ("slow", "fast", "fixture", "held")
+"""Parts of the error that have physical sizes known beforehand."""
 _LOOSE = ("z", "c", "q", "thickness", "density")
 """Held constants that may be off because a build gives them as bare numbers, mostly of glue; others are exact."""
 
@@ -122,7 +124,7 @@ class Marginal:
         J = self._unweighted(self._corrected.jacobian(x).T)
         free = self.objective.coordinates.free
         places: list[LinearisedRecording] = []
-        for k, (recording, model) in enumerate(zip(self.objective.recordings, self._corrected.models(x), strict=True)):
+        for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
             shapes = {
                 name: sum(
                     (J[k][:, free.index(at)] * per(float(x[free.index(at)])) for at, per in sizes),
@@ -211,6 +213,10 @@ class Marginal:
     def value(self, x: Reals, held: Held) -> Value:
         """Return the marginal likelihood at a point, with the columns of errors fixed."""
         return held.value(self._unweighted(self._corrected.jacobian(x).T), self.residuals(x), self.beforehand(x))
+
+    def models(self, x: Reals) -> Sequence[Model]:
+        """Return the corrected model of each recording."""
+        return self._corrected.models(x)
 
     def residuals(self, x: Reals) -> list[Complexes]:
         """Return ln(Z_model/Z) of each recording with the corrected model, shape (N,)."""
@@ -380,9 +386,44 @@ class MarginalFit:
         return tuple(self.marginal.around(None).residuals(self.x))
 
     @property
+    def models(self) -> Sequence[Model]:
+        """The model of each recording, with the most probable corrections."""
+        return self.marginal.models(self.x)
+
+    @cached_property
+    def log_usual(self) -> float:
+        """Logarithm of how usual the errors of instrument, fixture and held values are: 0 for usual ones.
+
+        It is the prior density of each one's size, the root sum of squares of its normal coefficients, relative to its
+        largest value; 0 below the most probable size.
+        """
+        return sum(-0.5 * max(0.0, _unusual(*one)) for one in self.deviations.values())
+
+    @cached_property
+    def deviations(self) -> dict[Part, tuple[float, int]]:
+        """By part of the instrument's error: sum of squares of its standardised coefficients, and their number."""
+        columns = self.gram.columns
+        scale = columns.scaled(self.sizes.of_columns())
+        z = self.gram.coefficients(self.sizes) / np.where(scale > 0, scale, 1.0)
+        made: dict[Part, tuple[float, int]] = {}
+        for name in _NOT_OF_THE_MODEL:
+            own = np.array([part == name for part in columns.parts], dtype=bool) & (scale > 0)
+            if np.any(own):
+                made[name] = float(np.sum(z[own] ** 2)), int(np.count_nonzero(own))
+        return made
+
+    @property
     def values(self) -> dict[str, float]:
         """Every model parameter."""
         return self.marginal.objective.coordinates.forward(self.x)[0]
+
+
+def _unusual(squares: float, count: int) -> float:
+    """Return minus twice ln density of a root sum of squares of `count` normal numbers, relative to its maximum."""
+    mode = count - 1
+    if squares <= mode:
+        return 0.0
+    return squares - mode - (mode * float(np.log(squares / mode)) if mode else 0.0)
 
 
 def _shapes_of(objective: Objective, searched: Shapes) -> Shapes:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import gammainccinv
 
 from ...models.base.arrays import Complexes, Reals
 from .error_columns import ErrorColumns
@@ -20,6 +21,7 @@ SOURCES = ("noise", "instrument", "model", "dimensions")
 _INSTRUMENT = ("slow", "fast", "fixture")
 _BESIDE_THE_INSTRUMENT = ("tau", "losses", "fixture", "held")
 """Sizes that are re-estimated for each size of the slow instrument error."""
+_ONE_IN_TWENTY = 0.05
 _NEGLIGIBLE = 1e-3
 """Posterior probability below which sizes do not affect an uncertainty."""
 
@@ -104,6 +106,7 @@ class AttributedErrors:
     """Residuals attributed to the errors at a minimum, by recording, as ln Z, each of shape (N,)."""
 
     instrument: tuple[Complexes, ...]
+    """Of a plausible size; what goes beyond it counts as an error of the model."""
     model: tuple[Complexes, ...]
     usual: tuple[Complexes, ...]
     """Imperfections that every device has: weak lines, and losses that change over the band."""
@@ -124,7 +127,8 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
     c, r = kernel.white(columns.blocks), kernel.white([own[:, None] for own in made.r])
     S = np.eye(on.size) + d[:, None] * c.squared() * d
     a = d * np.linalg.solve(S, d * c.times(r)[:, 0])
-    instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=np.float64)
+    plausible = {name: _plausible(*one) for name, one in found.deviations.items()}
+    instrument = np.array([plausible[part] if part in _INSTRUMENT else 0.0 for part in columns.parts])
     usual = _usual_share(columns, sizes)
 
     def share(part: Reals) -> tuple[Complexes, ...]:
@@ -132,6 +136,15 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
 
     left = tuple(own - b @ a for own, b in zip(made.r, columns.blocks, strict=True))
     return AttributedErrors(share(instrument), share(1 - instrument - usual), share(usual), left)
+
+
+def _plausible(squares: float, count: int) -> float:
+    """Return the part of an instrument's error that is within what it exceeds in one case of twenty.
+
+    More is not its own: a wire of 9 nH is no residual of a compensated fixture.
+    """
+    limit = 2 * float(gammainccinv(count / 2, _ONE_IN_TWENTY))  # of a chi-squared sum
+    return min(1.0, float(np.sqrt(limit / max(squares, limit))))
 
 
 def _usual_share(columns: ErrorColumns, sizes: ErrorSizes) -> Reals:

@@ -113,7 +113,7 @@ def _shared(
         for own, block in zip(blocks, columns.blocks, strict=True):
             own.append(block[:, on])
     at: dict[str, dict[str, float]] = {}
-    models = _models(problem, one)
+    models = [model for model in one.fit.models if isinstance(model, Device)]
     by_name = {effect.name: effect for effect in catalogue()}
     for name, own_knobs in knobs.items():
         now = next((dict(other.values) for other in known if other.name == name), None)
@@ -132,16 +132,6 @@ def _kind_of(columns: ErrorColumns, problem: Problem) -> str:
     devices = [r.model.reference for r in problem.recordings if isinstance(r.model, Device)]
     layers = dict.fromkeys(layer.name for stack in devices for layer in stack.layers)
     return "+".join([*layers, *dict.fromkeys(steps), str(len(columns.parts) - columns.parts.count("line"))])
-
-
-def _models(problem: Problem, one: Hypothesis) -> list[Device]:
-    models: list[Device] = []
-    for recording in problem.recordings:
-        names = {recording.renamed.get(name, name): name for name in recording.model.parameters()}
-        model = recording.model.replace({own: one.values[n] for n, own in names.items() if n in one.values})
-        if isinstance(model, Device):
-            models.append(model)
-    return models
 
 
 def _trial(knob: EffectParameter, *, first: bool) -> float:

@@ -6,18 +6,21 @@ from functools import cached_property
 
 import numpy as np
 
-from ....models.base.arrays import Reals
+from ....models.base.arrays import Complexes, Reals
 from ....models.effects.base.corrected_constants import Corrections
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Marginal, MarginalFit, Minimum, fit, plain
-from ..decision_rules import APPROXIMATE, COARSENED, ODDS
+from ...error_model.uncertainty_sources import taken_up
+from ..decision_rules import APPROXIMATE, COARSENED, LEFT, ODDS
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, slopes_by_size
 
 _EMPTY = ErrorSizes()
+_NEGLIGIBLE = 30.0
+"""ln odds from which a hypothesis counts as impossible: 1e-13."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +47,45 @@ class Hypothesis:
 
     @property
     def log_prior(self) -> float:
-        """Logarithm of the prior density of constants and sizes where they are, relative to its largest value."""
-        return self.log_tails - 0.5 * self.fit.gram.before.q
+        """Logarithm of the prior density of constants, sizes and errors, relative to its largest value."""
+        return self.log_tails - 0.5 * self.fit.gram.before.q + self.fit.log_usual
+
+    @property
+    def log_left(self) -> float:
+        """Logarithm of how usual it is to leave so much: as the imperfections of a good device do, or another cause."""
+        usual = np.exp(-0.5 * (self.unexplained / LEFT) ** 2)
+        return float(np.log((1 - ODDS) * usual + ODDS))
+
+    @property
+    def unexplained(self) -> float:
+        """Rms of ln Z that neither effects nor the instrument explain."""
+        return float(np.sqrt(max(0.0, float(np.mean(self.unexplained_at)))))
+
+    @cached_property
+    def unexplained_at(self) -> Reals:
+        """Squared model error |ln Z|^2 at each point, after projecting out the constants; shape (N,).
+
+        What every device has does not count. The rough part contains the noise, whose variance is subtracted: sums over
+        many points are meaningful, single values may be negative.
+        """
+        taken = taken_up(self.fit)
+        both = self.projected([list(taken.model), list(taken.left)])
+        noise = np.concatenate([own.noise for own in self.fit.gram.columns.points])
+        model, rough = (both**2).reshape(2, -1, 2).sum(axis=0).T
+        return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
+
+    def projected(self, changes: list[list[Complexes]]) -> Reals:
+        """Return changes of ln Z after projecting out the constants, as columns of shape (2N, K)."""
+        free = self.objective.coordinates.free
+        effect_parameters = {name for effect in self.effects for name in effect.parameters}
+        own = [k for k, name in enumerate(free) if name not in effect_parameters]
+        slopes = np.concatenate(self.fit.gram.J)[:, own]
+        rows = np.concatenate([slopes.real, slopes.imag])
+        size = np.linalg.norm(rows, axis=0)
+        Q, _ = np.linalg.qr(rows[:, size > 0] / size[size > 0])
+        whole = np.stack([np.concatenate(change) for change in changes], axis=1)
+        both = np.concatenate([whole.real, whole.imag])
+        return both - Q @ (Q.T @ both)
 
     @property
     def log_weight(self) -> float:
@@ -163,6 +203,11 @@ def probabilities(found: Sequence[Hypothesis]) -> Reals:
     inductance is as improbable as it was.
     """
     temper = max(found, key=lambda one: one.log_weight).coarseness
-    weight = np.array([one.log_prior + (one.log_evidence - one.log_prior) / temper + one.log_odds for one in found])
+    evidence = [one.log_evidence / temper + one.log_odds for one in found]
+    weight = np.full(len(found), -np.inf)
+    for k, one in sorted(enumerate(found), key=lambda pair: -evidence[pair[0]]):
+        if evidence[k] < np.max(weight) - _NEGLIGIBLE:
+            break  # priors are at most 1: what is far behind without them stays there
+        weight[k] = evidence[k] + one.log_prior * (1 - 1 / temper) + one.log_left
     part = np.exp(weight - np.max(weight))
-    return part / np.sum(part)
+    return np.asarray(part / np.sum(part), np.float64)

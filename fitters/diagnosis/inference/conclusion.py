@@ -7,13 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from ....models.base.arrays import Reals
+from ....models.base.arrays import Complexes, Reals
 from ....models.effects.base.effect import TERMINALS
+from ...engine.recording import log_ratio
 from ...error_model.instrument_share import accuracy_of
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import CLASS, CLASS_NATS, LEFT, NAMED, RIVALS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
-from ..hypotheses.changes import change_by, projected
+from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis, probabilities
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
@@ -105,7 +106,7 @@ def conclude(search: GreedySearch) -> Conclusion:
                 others,
             )
         )
-    left = unexplained(final) > LEFT
+    left = final.unexplained > LEFT
     return Conclusion(
         null, final, tuple(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
     )
@@ -135,7 +136,7 @@ def remaining_of(one: Hypothesis) -> Remaining:
 def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:
     """Return the posterior probability of hypotheses that have other effects than these, or leave too much."""
     parts = zip(search.ranked, probabilities(search.ranked).tolist(), strict=True)
-    enough = sum(part for one, part in parts if one.key <= named and unexplained(one) <= LEFT)
+    enough = sum(part for one, part in parts if one.key <= named and one.unexplained <= LEFT)
     return max(0.0, 1.0 - enough)
 
 
@@ -155,7 +156,7 @@ def _certainty(search: GreedySearch, one: Hypothesis) -> dict[Candidate, _Certai
     not to an unnamed cause. Between two causes of random shape the odds are the ratio of their squared sizes, where
     each point is weighted by the effect's squared size there.
     """
-    other = _unexplained_at(one)
+    other = one.unexplained_at
     found: dict[Candidate, _Certainty] = {}
     for effect, power in powers_of(search.problem, one).items():
         alike = _look_alikes(search, one, effect)
@@ -174,24 +175,6 @@ def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] 
         return None
     share = 1 - _rms(alone[0]) ** 2 / max(_rms(null) ** 2, 1e-300)
     return (alone[0].effects[0], share) if share > NAMED else None
-
-
-def unexplained(one: Hypothesis) -> float:
-    """Return the rms of ln Z that neither effects nor the instrument explain."""
-    return float(np.sqrt(max(0.0, float(np.mean(_unexplained_at(one))))))
-
-
-def _unexplained_at(one: Hypothesis) -> Reals:
-    """Return the squared model error |ln Z|^2 at each point, after projecting out the constants; shape (N,).
-
-    What every device has does not count. The rough part contains the noise, whose variance is subtracted: sums over
-    many points are meaningful, single values may be negative.
-    """
-    taken = taken_up(one.fit)
-    both = projected(one, [list(taken.model), list(taken.left)])
-    noise = np.concatenate([own.noise for own in one.fit.gram.columns.points])
-    model, rough = (both**2).reshape(2, -1, 2).sum(axis=0).T
-    return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
 
 
 def _is_the_fixture(search: GreedySearch, one: Candidate, final: Hypothesis) -> bool:
@@ -229,18 +212,30 @@ def _rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tu
 
 
 def _look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set[Candidate]:
-    """Return the effects whose change of ln Z is nearly the same, and which the recordings do not rule out instead."""
+    """Return the effects that, in place of another, change ln Z nearly as it does, and that nothing rules out."""
     own = change_by(search.problem, one, effect)
     within = CLASS_NATS * one.coarseness
     alike: set[Candidate] = set()
     for rival, other in _rivals(search, one, effect):
         behind = one.log_evidence - rival.log_evidence
-        columns = projected(one, [own, change_by(search.problem, rival, other)])
-        norm = np.linalg.norm(columns, axis=0)
-        correlation = abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
-        if correlation > CLASS and behind < within:
-            alike.add(other)
+        if behind < within:
+            # what the rival does in place of the effect, with all that its constants and further sizes contribute
+            instead = [a + b for a, b in zip(own, _apart(one, rival), strict=True)]
+            if _correlation(one.projected([own, instead])) > CLASS:
+                alike.add(other)
     return alike
+
+
+def _apart(one: Hypothesis, other: Hypothesis) -> list[Complexes]:
+    """Return the difference of ln Z of two fits, for each recording, shape (N,)."""
+    curves = (found.objective.curves(found.fit.x) for found in (other, one))
+    return [log_ratio(a, b) for a, b in zip(*curves, strict=True)]
+
+
+def _correlation(columns: Reals) -> float:
+    """Return the absolute correlation of two columns, shape (2N, 2)."""
+    norm = np.linalg.norm(columns, axis=0)
+    return abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
 
 
 def _alternatives(

@@ -8,7 +8,7 @@ from ....models.base.arrays import Reals
 from ...error_model.uncertainty_sources import spread_of
 from ...interface import Constant
 from ..findings import Size
-from ..hypotheses.changes import change_by, projected
+from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 from ..hypotheses.size_priors import shown
@@ -18,7 +18,7 @@ def powers_of(problem: Problem, one: Hypothesis) -> dict[Candidate, Reals]:
     """Return, by effect, |change of ln Z|^2 at each point beyond what constants could do, shape (N,)."""
     if not one.effects:
         return {}
-    changes = projected(one, [change_by(problem, one, effect) for effect in one.effects])
+    changes = one.projected([change_by(problem, one, effect) for effect in one.effects])
     powers = (changes**2).reshape(2, -1, len(one.effects)).sum(axis=0)
     return dict(zip(one.effects, powers.T, strict=True))
 
@@ -30,7 +30,7 @@ def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:
 
 def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
     """Return the largest |change of ln Z| at any point beyond what constants could do."""
-    change = projected(one, [change_by(problem, one, effect)])[:, 0]
+    change = one.projected([change_by(problem, one, effect)])[:, 0]
     return float(np.max(np.abs(change)))
 
 

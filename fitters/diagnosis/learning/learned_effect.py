@@ -13,7 +13,7 @@ from ..findings import Alternative
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
-from ..inference.conclusion import Conclusion, NamedEffect, remaining_of, unexplained
+from ..inference.conclusion import Conclusion, NamedEffect, remaining_of
 from ..inference.effect_size import sizes_of
 from ..search.weak_lines import with_weak_lines
 from .laws import LearnedCorrection, learned_laws
@@ -251,7 +251,7 @@ def _concluded(problem: Problem, conclusion: Conclusion, choice: _Choice, final:
         final=final,
         named=tuple(sorted(named, key=lambda one: -one.moves)),
         remaining=remaining_of(final),
-        something_left=unexplained(final) > LEFT,
+        something_left=final.unexplained > LEFT,
         nearest=None,
     )
 
@@ -278,5 +278,5 @@ def _less(problem: Problem, final: Hypothesis, effect: Candidate) -> Hypothesis:
 
 def _share(without: Hypothesis, final: Hypothesis) -> float:
     """Return the part of the squared misfit that an effect explains."""
-    before, after = unexplained(without), unexplained(final)
+    before, after = without.unexplained, final.unexplained
     return max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0

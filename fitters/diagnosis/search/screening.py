@@ -15,7 +15,6 @@ from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns, WeakLine
 from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import Kernel, PointErrors
-from ..hypotheses.changes import projected
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 from .echo_delays import likely_delays
@@ -90,7 +89,7 @@ def resembling(
     trials = [(one, values, change) for one, own in changes for values, change in own]
     if not trials:
         return []
-    columns = projected(rest, [list(own), *(change for *_, change in trials)])
+    columns = rest.projected([list(own), *(change for *_, change in trials)])
     norm = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     correlation = np.abs(columns[:, 0] @ columns) / norm[0] / norm
     stretch = (columns[:, 0] @ columns) / norm**2

@@ -20,7 +20,6 @@ from pzctl.fitters.diagnosis.inference.effect_size import (
     constants_of,
     largest_of,
     moves_a_constant,
-    projected,
     sizes_of,
 )
 from pzctl.fitters.diagnosis.inference.finite_diameter import tried
@@ -55,7 +54,7 @@ def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(l
     without = lead_case.stack.impedance(sweep.frequency)
     told = np.log(1 + 2j * np.pi * sweep.frequency * lead_case.inductance / without)
     assert np.median(np.abs(change - told)) < 0.02 * np.median(np.abs(told))
-    (left,) = projected(best, [[change]]).T
+    (left,) = best.projected([[change]]).T
     assert np.linalg.norm(left) < np.linalg.norm(change)
     rms, largest = sizes_of(problem, best)[lead], largest_of(problem, best, lead)
     assert rms == pytest.approx(np.linalg.norm(left) / np.sqrt(sweep.frequency.size))
