@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -61,11 +62,14 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
             "GPIB0::17::INSTR": f"PROLOGIX::127.0.0.1:{sim.prologix_port}::17",
         }
         made = Bench(folder, by_name)
+        bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")
+        with socket.create_connection(("127.0.0.1", sim.port)) as by_hand:
+            by_hand.sendall(b"STAR 2E6\nSTOP 8E6\nPOIN 401\n")
+        made.pzctl("screenshot", "disk.txt", "--resource", sim.resource)
         for step in ("disk", "ml1"):
             bench_command("127.0.0.1", sim.bench_port, command="step", name=step)
             made.pzctl("measure", "--build", "S4.toml", "--step", step, "--resource", sim.resource, "--quiet")
         made.pzctl("daemon", "--stop")
-        made.pzctl("screenshot", "disk.txt", "--resource", sim.resource)
         made.pzctl("export", "S4")
         for old, new in (("disk-2", "disk"), ("ml1-2", "ml1"), ("ml1-1", "ml1-first")):
             shutil.copy(folder / f"S4-{old}.csv", folder / f"{new}.csv")
