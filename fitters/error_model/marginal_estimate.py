@@ -30,7 +30,7 @@ class MarginalEstimate:
 
 def marginal_estimate(objective: Objective, x: Reals) -> MarginalEstimate:
     """Fit with the error model, starting at a minimum `x` of least squares."""
-    found = fit(Marginal.of(objective), x, rounds=2)
+    found = fit(Marginal.of(objective), x, rounds=2, compared=False)
     values, chain = objective.coordinates.forward(found.x)
     spread = spread_of(found)
     covariance = chain @ spread.whole @ chain.T

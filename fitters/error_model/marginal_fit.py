@@ -453,11 +453,14 @@ def fit(
     fast: bool = True,
     tau: bool = True,
     shape: bool = True,
+    compared: bool = True,
 ) -> MarginalFit:
     """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
     `fixed`: use the sizes of the first start; `fast`: whether fast instrument errors are allowed; `tau`: whether smooth
-    errors of all constants are; `shape`: whether those of the effects' formulas are.
+    errors of all constants are; `shape`: whether those of the effects' formulas are. `compared`: whether its evidence
+    will be compared with that of others and has to settle, if need be in further rounds; constants then move by less
+    than their uncertainties.
     """
     never = [name for name, allowed in (("tau", tau), ("shape", shape)) if not allowed]
     for name in never:
@@ -466,7 +469,7 @@ def fit(
     order = [name for name in ORDER if (fast or name != "fast") and name not in never]
     made = marginal.gram(x, marginal.columns(x, fast=fast))
     converged, before = False, np.inf
-    for k in range(rounds + _FURTHER if rounds else 0):
+    for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not fixed:
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
