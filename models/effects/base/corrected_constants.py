@@ -66,7 +66,7 @@ class CorrectedConstants(Effect):
     says: str = ""
     separates: ClassVar[str] = ""
     references: ClassVar[tuple[str, ...]] = ()
-    stage: Stage = Stage.VOIDS
+    stage: Stage = Stage.CONSTANTS
     sizes: ClassVar[int] = 0
 
     def places(self, stack: Stack) -> tuple[str, ...]:
