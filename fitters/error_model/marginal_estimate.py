@@ -8,7 +8,8 @@ import numpy as np
 from ...models.base.arrays import Reals
 from ..engine.objective import Objective
 from .error_sizes import ErrorSizes
-from .marginal_fit import Marginal, MarginalFit, fit
+from .marginal import Marginal
+from .marginal_fit import MarginalFit, fit
 from .uncertainty_sources import spread_of
 
 

@@ -12,7 +12,8 @@ from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Recording
 from ...error_model.error_sizes import ErrorSizes
-from ...error_model.marginal_fit import Marginal, MarginalFit, Minimum, fit, plain
+from ...error_model.marginal import Marginal
+from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import APPROXIMATE, COARSENED, LEFT, ODDS
 from .problem import Candidate, Problem

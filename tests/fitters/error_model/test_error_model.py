@@ -12,7 +12,8 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.error_model.error_sizes import ErrorSizes, factored
-from pzctl.fitters.error_model.marginal_fit import Marginal, MarginalFit, fit
+from pzctl.fitters.error_model.marginal import Marginal
+from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
 from pzctl.fitters.error_model.point_covariance import Kernel, PointErrors, under_colour
 from pzctl.fitters.error_model.prior_scales import ROUGH_LENGTH
 from pzctl.fitters.error_model.smooth_basis import smooth
