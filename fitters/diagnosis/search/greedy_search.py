@@ -112,7 +112,7 @@ class GreedySearch:
             for parent in self._parents():
                 self.grow(parent, FITTED_LATER)
             self.polish()
-            if self.best is before:
+            if self.best.key == before.key:
                 break
         self.account_for_lines()
         self.relocate(self.best)
@@ -148,7 +148,7 @@ class GreedySearch:
             self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
         self.polish()
-        if self.best is not one and len(self.best.effects) >= len(one.effects):
+        if self.best.key != one.key and len(self.best.effects) >= len(one.effects):
             self.substitute(self.best)
 
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
