@@ -155,15 +155,17 @@ def _climbed(
         return log_densities(G, log_det, scales, noise) - numbers * np.log(noise) + priors
 
     best = float(values([sizes])[0])
+    tried: dict[str, Sizes] = {}
     for _ in range(rounds):
         before = best
         for name, grid in GRIDS.items():
-            if name in where and where[name].start == where[name].stop:
-                continue
+            if (name in where and where[name].start == where[name].stop) or tried.get(name) == sizes:
+                continue  # without columns, or nothing else has changed since this one was tried
             trials = [replace(sizes, **{name: size}) for size in grid if size != getattr(sizes, name)]
             here = values(trials)
             if here.max() > best:
                 best, sizes = float(here.max()), trials[int(here.argmax())]
+            tried[name] = sizes
         if best - before < 0.1:
             break
     return best, sizes
