@@ -5,6 +5,7 @@ shows it bare: that before, or that after if something was removed. Drift is lin
 """
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -108,6 +109,13 @@ class Drift:
             now = pole_terms(f, *changed(own.poles, own.residues, *step))
             made.append(np.asarray((own.seen(f) - now) / self._Y[:, None] / _STEP, np.complex128))
         return np.hstack(made)
+
+    def unsettled(self, uncertain: float) -> "Drift":
+        """Return the same with resonances that may still move by this many half widths."""
+        made = copy(self)
+        made.point = replace(self.point, uncertain=uncertain)
+        vars(made).pop("_of_uncertain", None)
+        return made
 
     def nudged(self) -> Iterator[tuple[Impedances, Resonances, float]]:
         """Yield the device with a step in ln frequency, then in ln Q, then in ln strength, of each resonance."""

@@ -16,6 +16,7 @@ part, from grids with prior probabilities; a rest beyond `USUAL_REST` is somethi
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from math import log
@@ -85,7 +86,9 @@ class PairErrors:
 
     def unsettled(self, uncertain: float) -> "PairErrors":
         """Return the same with drift that may still move by this many half widths of each resonance."""
-        return self._at(replace(self._drift.point, uncertain=uncertain))
+        made = copy(self)
+        vars(made).update(_drift=self._drift.unsettled(uncertain))
+        return made
 
     def from_after(self) -> "PairErrors":
         """Return the same for a device that is bare in the recording after: its resonances are those that drift."""
