@@ -54,7 +54,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     text = found[1].replace("801", "81")
     for name in ("S4.toml", "build.toml"):
         (folder / name).write_text(text, encoding="utf-8")
-    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0, jig="ideal")) as sim:
         by_name = {
             "TCPIP0::192.168.0.17::5025::SOCKET": sim.resource,
             "192.168.0.17:5025": f"127.0.0.1:{sim.port}",
