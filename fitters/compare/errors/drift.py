@@ -14,7 +14,7 @@ import numpy as np
 from ....models.base.arrays import Complexes, Impedances, Reals
 from ...error_model.smooth_basis import smooth
 from ..pair import Pair
-from ..resonances import Resonances, changed, pole_terms, slope_of
+from ..resonances import Remainder, Resonances, changed, pole_terms, remainder_of, slope_of
 
 _STEP = 1e-6
 _LENGTH, _LOSSES = 0.1, 0.3
@@ -52,8 +52,17 @@ class DriftPoint:
 class Drift:
     """The drift of the resonances of one recording of a pair."""
 
-    def __init__(self, pair: Pair, resonances: tuple[Resonances, Resonances], point: DriftPoint) -> None:
-        """Take a pair, the resonances of both recordings, and where drift is linearised."""
+    def __init__(
+        self,
+        pair: Pair,
+        resonances: tuple[Resonances, Resonances],
+        point: DriftPoint,
+        remainder: Remainder | None = None,
+    ) -> None:
+        """Take a pair, the resonances of both recordings, and where drift is linearised.
+
+        `remainder`: what the resonances leave of the same recording, if it is known.
+        """
         own = resonances[point.after]
         count = own.poles.size
         self.point = point if point.moved.size else replace(point, moved=np.zeros(3 * count))
@@ -62,7 +71,8 @@ class Drift:
             self.pair, self.own = self._applied(pair, own)
         f, u = pair.frequency, pair.log_f
         self._Y: Complexes = np.asarray(1 / (self.pair.after if point.after else self.pair.before), np.complex128)
-        self.slope, rest, self._slope_error = slope_of(f, 1 / self._Y, self.own)
+        self.remainder = remainder or remainder_of(f, self._Y, self.own)
+        self.slope, rest, self._slope_error = slope_of(f, 1 / self._Y, self.own, self.remainder)
         self._bend = np.gradient(rest, u)
         self._each = self._of_each()
         ends = float(u[0]), float(u[-1])

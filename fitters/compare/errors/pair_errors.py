@@ -28,7 +28,7 @@ from ....models.base.arrays import Complexes, Impedances, Reals
 from ...error_model.point_covariance import Kernel, PointErrors, spread_of_variance
 from ...error_model.smooth_basis import smooth
 from ..pair import Pair
-from ..resonances import Resonances, slope_of
+from ..resonances import Remainder, Resonances, slope_of
 from .drift import DRIFTS, Drift, DriftPoint
 from .imitation import USUAL_DRIFT, beside, shares_of_drift
 from .instrument_errors import InstrumentErrors
@@ -58,10 +58,16 @@ _ONE_IN_TWENTY = 1.645
 class PairErrors:
     """Quantities common to all hypotheses about a pair."""
 
-    def __init__(self, pair: Pair, resonances: tuple[Resonances, Resonances], point: DriftPoint | None = None) -> None:
-        """Take a pair, the resonances of both recordings, and where drift is linearised."""
+    def __init__(
+        self,
+        pair: Pair,
+        resonances: tuple[Resonances, Resonances],
+        point: DriftPoint | None = None,
+        remainder: Remainder | None = None,
+    ) -> None:
+        """Take a pair, the resonances of both recordings, where drift is linearised, and what is known of it."""
         self.recorded, self.resonances = pair, resonances
-        self._drift = Drift(pair, resonances, point or DriftPoint())
+        self._drift = Drift(pair, resonances, point or DriftPoint(), remainder)
         self.pair, self.own, self.slope = self._drift.pair, self._drift.own, self._drift.slope
         u = pair.log_f
         ends = float(u[0]), float(u[-1])
@@ -103,7 +109,8 @@ class PairErrors:
         return np.asarray(predicted * self.recorded.after / self.pair.after, np.complex128)
 
     def _at(self, point: DriftPoint) -> "PairErrors":
-        return PairErrors(self.recorded, self.resonances, point)
+        known = self._drift.remainder if point.after == self._drift.point.after else None
+        return PairErrors(self.recorded, self.resonances, point, known)
 
     def without(self, held: Sequence[tuple[int, int]]) -> "PairErrors":
         """Return the same without some blocks of points."""
