@@ -39,7 +39,7 @@ UNTIL_IT_LISTENS = r"""\1
 for k in $(seq 600); do (: < /dev/tcp/127.0.0.1/\2) 2>/dev/null && break; sleep 0.1; done"""
 """A busy machine may take longer than three seconds, an idle one less."""
 POINTS = re.compile(r"points = (\d+)")
-MOST_POINTS = 61
+MOST_POINTS = 41
 PAGES = sorted(path.name for path in DOCS.glob("*.md") if BLOCK.search(path.read_text(encoding="utf-8")))
 
 AS_FOR_USERS = ("terminal.md",)

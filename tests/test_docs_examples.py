@@ -52,10 +52,10 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("bench")
     found = S4.search((DOCS / "transducer.md").read_text(encoding="utf-8"))
     assert found
-    text = found[1].replace("801", "81")
+    text = found[1].replace("801", "41")
     for name in ("S4.toml", "build.toml"):
         (folder / name).write_text(text, encoding="utf-8")
-    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0)) as sim:
+    with running(SimOptions(port=0, bench_port=0, time_scale=0.0, prologix_port=0, jig="ideal")) as sim:
         by_name = {
             "TCPIP0::192.168.0.17::5025::SOCKET": sim.resource,
             "192.168.0.17:5025": f"127.0.0.1:{sim.port}",
@@ -71,7 +71,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
             made.pzctl("measure", "--build", "S4.toml", "--step", step, "--resource", sim.resource, "--quiet")
         made.pzctl("daemon", "--stop")
         made.pzctl("export", "S4")
-        for old, new in (("disk-2", "disk"), ("ml1-2", "ml1"), ("ml1-1", "ml1-first")):
+        for old, new in (("disk-1", "disk"), ("ml1-2", "ml1"), ("ml1-1", "ml1-first")):
             shutil.copy(folder / f"S4-{old}.csv", folder / f"{new}.csv")
         shutil.copy(folder / "S4-ml1-2.csv", folder / "ml1-second.csv")
         shutil.copy(folder / "disk.txt", folder / "RB5100.txt")

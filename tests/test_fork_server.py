@@ -1,6 +1,8 @@
 """A process that the fork server forks has what a new interpreter has, and ends like one."""
 
 import json
+import multiprocessing
+import multiprocessing.util
 import os
 import signal
 import subprocess
@@ -11,6 +13,9 @@ from typing import Any
 
 import pytest
 from fork_server import ForkServer
+from seen_by_a_worker import seen_by_a_worker
+
+from pzctl.fitters.population.process_pool import process_pool
 
 WORDS = [sys.executable, "-P", "-m", "seen_by_a_child"]
 CHILD = """
@@ -100,6 +105,19 @@ def test_it_is_given_what_a_new_interpreter_is_given(child, as_for_users, fork_s
 def test_it_has_no_other_open_files(child) -> None:
     out, _ = child(CHILD).communicate()
     assert json.loads(out)["open"] == ["socket"], "with which it asks its own fork server"
+
+
+def test_a_worker_of_a_pool_is_forked_and_as_a_new_process(as_for_users, fork_server: ForkServer | None) -> None:
+    if fork_server is None:
+        pytest.skip("there is no fork server on this system")
+    with process_pool(1) as pool:
+        as_ever = pool.submit(seen_by_a_worker).result()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(multiprocessing.util, "spawnv_passfds", fork_server.spawn)
+        with process_pool(1) as pool:
+            forked = pool.submit(seen_by_a_worker).result()
+    assert [as_ever.pop("forked"), forked.pop("forked")] == [False, True]
+    assert forked == as_ever
 
 
 def test_ctrl_c_and_a_signal_end_it(child) -> None:

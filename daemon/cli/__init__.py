@@ -15,6 +15,7 @@ from .analysis import compare, diagnose, effects, fit, fitters, materials
 from .bench import measure, status, watch
 from .bench import new_build as new
 from .bench import page_command as page
+from .help_text import Command, Group
 from .lab import compensate, doctor, screenshot, simulator
 from .lab import daemon as service
 from .lab import keys_commands as keys
@@ -25,6 +26,7 @@ from .records import report_command as report
 
 app = typer.Typer(
     name="pzctl",
+    cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
@@ -67,9 +69,9 @@ _CLASSES = {"compare": compare.ListOptions}
 for _panel, _commands in _PANELS.items():
     for _command, _work in _commands.items():
         if isinstance(_work, typer.Typer):
-            app.add_typer(_work, name=_command, rich_help_panel=_panel)
+            app.add_typer(_work, name=_command, rich_help_panel=_panel, cls=Group)
         else:
-            app.command(_command, rich_help_panel=_panel, cls=_CLASSES.get(_command))(_work)
+            app.command(_command, rich_help_panel=_panel, cls=_CLASSES.get(_command, Command))(_work)
 
 
 def _say_version(requested: bool) -> None:
@@ -117,6 +119,8 @@ for _room in (app, journal.app, keys.app):
     for _registered in _room.registered_commands:
         if _registered.callback is not None:
             _registered.callback = _with_quiet(_registered.callback)
+        if _room is not app:
+            _registered.cls = Command
 
 
 def main() -> None:

@@ -21,6 +21,7 @@ from ...models.base.errors import PzctlError
 from ...models.sweep_plan import Segment, SweepPlan
 from ..client.location import find
 from ..files.paths import REMEDY, home
+from ..journal.stores.folder_store import LEAST_FREE
 from ..samples.sample_selection import NoSamplesError, open_journal
 
 Status = Literal["ok", "note", "fault"]
@@ -75,6 +76,9 @@ def _folder() -> Check:
     except OSError as error:
         says = f"the data folder cannot be written: {error}"
         return Check("data folder", "fault", says, REMEDY)
+    if free < LEAST_FREE:
+        says = f"{folder}: {free >> 20} MB are free; {LEAST_FREE >> 20} MB are needed to measure"
+        return Check("data folder", "fault", says, "make room on this disk")
     if free < ENOUGH_BYTES:
         return Check("data folder", "note", f"{folder}: only {free / 1e6:.0f} MB are free", "make room on this disk")
     return Check("data folder", "ok", f"{folder}, {free / 1e9:.1f} GB free")

@@ -26,6 +26,9 @@ REQUESTS_KEPT = 10
 RECEIVE_BUFFER = 128 << 10
 """Bytes that the kernel buffers for one connection; libzmq's thread reads a whole buffer before the next connection."""
 
+HANDSHAKE = 10_000
+"""Milliseconds after which a connection without a complete handshake is closed: idle ones keep others out no longer."""
+
 ANSWERS_KEPT = 50
 """Greatest number of answers to keep for a client that does not read them; one answer may hold 50 sweeps."""
 
@@ -118,6 +121,7 @@ def _bind(
     any_socket.set(zmq.RCVHWM, waiting)
     any_socket.set(zmq.MAXMSGSIZE, longest)
     any_socket.set(zmq.RCVBUF, RECEIVE_BUFFER)
+    any_socket.set(zmq.HANDSHAKE_IVL, HANDSHAKE)
     any_socket.set(zmq.CURVE_SERVER, 1)
     any_socket.set(zmq.CURVE_SECRETKEY, access.server.secret.encode())
     any_socket.set(zmq.ZAP_DOMAIN, DOMAIN.encode())

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...models.base.plain_numbers import without_exponent
 from ...models.build import Build
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import NAMED
@@ -116,7 +117,7 @@ def _says(
     told: Told, known: tuple[Sequence[ChangeFinding], Sequence[ChangeFinding]], change: float, left: float
 ) -> tuple[str, ...]:
     """Return the answer in sentences; `known` are the findings and the remarks."""
-    size, (findings, remarks) = f"{100 * change:.2g} % of Z", known
+    size, (findings, remarks) = f"{without_exponent(100 * change, 2)} % of Z", known
     sure = "" if told.probability >= SURE else f" (probability {told.probability:.2f})"
     maybe = " and ".join(f"{one.effect} (probability {one.probability:.2f})" for one in remarks)
     if told.verdict == "unchanged" and told.probability < NAMED:

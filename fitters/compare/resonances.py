@@ -111,22 +111,41 @@ def resonances_of(fit: PoleFit, f: Frequencies, Z: Impedances) -> Resonances:
     return Resonances(poles[chosen][order], residues[chosen][order])
 
 
-def slope_of(f: Frequencies, Z: Impedances, own: Resonances) -> tuple[Complexes, Complexes, Reals]:
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """What of an admittance the resonances leave; a drift of theirs does not change it."""
+
+    Y: Complexes
+    """S, shape (N,)."""
+    slope: Complexes
+    """d Y / d ln f by a spline, S, shape (N,)."""
+    error: Reals
+    """Error of the slope, estimated from every other point, S, shape (N,)."""
+
+
+def remainder_of(f: Frequencies, Y: Complexes, own: Resonances) -> Remainder:
+    """Return what the resonances leave of an admittance, S, shape (N,)."""
+    u, left = np.log(f), Y - np.sum(own.seen(f), axis=1)
+    slope = np.asarray(make_interp_spline(u, left, 5)(u, 1), np.complex128)
+    halves = [np.asarray(make_interp_spline(u[k::2], left[k::2], 5)(u, 1), np.complex128) for k in (0, 1)]
+    return Remainder(left, slope, np.max([np.abs(half - slope) for half in halves], axis=0))
+
+
+def slope_of(
+    f: Frequencies, Z: Impedances, own: Resonances, remainder: Remainder | None = None
+) -> tuple[Complexes, Complexes, Reals]:
     """Return the slope of ln Z over ln f, the change by a shift of the remainder, and its error, shape (N,).
 
-    The remainder is treated as that of a capacitance, which does not change when all frequencies shift.
-
-    The slope of poles is exact; that of the remainder is a spline's, with an error estimated from every other point.
+    The remainder, computed unless it is given, is treated as that of a capacitance, which does not change when all
+    frequencies shift. The slope of poles is exact; that of the remainder is a spline's.
     """
-    u, Y = np.log(f), 1 / Z
-    remainder = Y - np.sum(own.seen(f), axis=1)
+    Y = 1 / Z
+    left = remainder or remainder_of(f, Y, own)
     s = 1j * f[:, None]
     exact = -s * (own.residues / (s - own.poles) ** 2 + np.conj(own.residues) / (s - np.conj(own.poles)) ** 2)
-    rest = np.asarray(make_interp_spline(u, remainder, 5)(u, 1), np.complex128)
-    halves = [np.asarray(make_interp_spline(u[k::2], remainder[k::2], 5)(u, 1), np.complex128) for k in (0, 1)]
-    error = np.max([np.abs(half - rest) for half in halves], axis=0) / np.abs(Y) / _SLOPE
-    slope = np.asarray(-(rest + np.sum(exact, axis=1)) / Y, np.complex128)
-    return slope, np.asarray((remainder - rest) / -Y, np.complex128), np.sqrt(running(error**2))
+    error = left.error / np.abs(Y) / _SLOPE
+    slope = np.asarray(-(left.slope + np.sum(exact, axis=1)) / Y, np.complex128)
+    return slope, np.asarray((left.Y - left.slope) / -Y, np.complex128), np.sqrt(running(error**2))
 
 
 def running(values: Reals) -> Reals:

@@ -1,5 +1,6 @@
 """Plausibility: reject recordings that determine nothing, and results that no ceramic could give."""
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -33,6 +34,9 @@ _SCATTER = {"eps33S": (0.7, 1.4), "c33D": (0.75, 1.3), "s11E": (0.7, 1.4), "eps3
 _ANOTHER = {"eps33S": 1.8, "c33D": 1.49, "s11E": 1.49}
 # Ratio beyond which neither scatter nor damage explains the deviation. Permittivities differ by as much between soft
 # ceramics, so a wrong material name need not mean wrong sizes; eps33T is only reported, since s11E shows the diameter.
+
+_NUMBER = re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}")
+"""The id of a recording that a daemon made."""
 
 
 def refuse_degenerate(build: Build, sweeps: Mapping[str, Sequence[Sweep]]) -> None:
@@ -94,7 +98,10 @@ def _capacitance(build: Build, step: str, connection: str) -> float:
 
 
 def _named(step: str, sweep: Sweep) -> str:
-    return sweep.id or f"the recording of step {step!r}"
+    """Return what a sentence calls a recording: its file; or its step, and the number that a daemon gave it."""
+    if not sweep.id:
+        return f"the recording of step {step!r}"
+    return f"recording {sweep.id} of step {step!r}" if _NUMBER.fullmatch(sweep.id) else sweep.id
 
 
 def _refuse_sign(name: str, sweep: Sweep) -> None:
@@ -128,9 +135,13 @@ def _refuse_size(name: str, sweep: Sweep, capacitance: float, rewired: float) ->
         says = f"with the piezo layers connected the other way it would be {wanted * capacitance / rewired:.3g} ohm"
         raise FitError(f"{found}; {says}: correct [electrical] connection in the build file")
     if ratio < 1 / _FAR:
-        raise FitError(f"{found}; this is a short circuit, another device, or another size than the build file's")
+        raise FitError(
+            f"{found}; this is a short circuit, another device, another unit, or another size than the build's"
+        )
     if ratio > _FAR:
-        raise FitError(f"{found}; this is an open circuit, another device, or another size than the build file's")
+        raise FitError(
+            f"{found}; this is an open circuit, another device, another unit, or another size than the build's"
+        )
     if not 1 / _OFF < ratio < _OFF:
         raise FitError(
             f"{found}; a permittivity is never off by a factor of {max(ratio, 1 / ratio):.1f}: diameter or thickness "

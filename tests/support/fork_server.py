@@ -3,7 +3,8 @@
 A test run starts several hundred daemons, simulators, workers and commands. Most of their processor time is the import
 of NumPy and of the package, the same in each. This server imports them once, before any thread or ZeroMQ context
 exists, and forks itself on request. `forking` lets `subprocess` use it for the two ways in which pzctl is started:
-`python -P -m MODULE ...` and the installed script `pzctl ...`; everything else is started as ever.
+`python -P -m MODULE ...` and the installed script `pzctl ...`; and `multiprocessing` for the workers of a pool, which
+it calls spawned. Everything else is started as ever.
 
 A forked process has its own arguments, environment, folder, standard streams, session and default signal handling, is
 a child of the process that asked for it, and has a server of its own for the processes that it starts. Where this
@@ -13,6 +14,7 @@ cannot be had (not Linux, another interpreter, other settings of Python or of th
 import contextlib
 import ctypes
 import json
+import multiprocessing.util
 import os
 import signal
 import socket
@@ -32,9 +34,12 @@ IGNORED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that a new program goes on ignoring if its parent does."""
 FOR_A_SHELL = "PZCTL_FORK_SERVER"
 """The environment variable with the number of the file to which `forked_pzctl` writes a request."""
+POOL_WORKER = "--multiprocessing-fork"
+"""The last word of the command line by which `multiprocessing` starts the worker of a pool."""
 _SUBREAPER = 36
 """PR_SET_CHILD_SUBREAPER of prctl(2)."""
 _plain = getattr(subprocess, "_fork_exec", None)
+_plain_spawn = getattr(multiprocessing.util, "spawnv_passfds", None)
 
 
 class ForkServer:
@@ -65,9 +70,22 @@ class ForkServer:
         streams = [given if given != -1 else own for given, own in ((stdin, 0), (stdout, 1), (stderr, 2))]
         request = {"words": words, "environment": environment, "folder": folder, "session": session}
         request |= {"group": None, "waits": False}
-        ignored = [kind for kind in IGNORED if signal.getsignal(kind) is signal.SIG_IGN]
         with self._lock:
-            return self._ask({**request, "ignored": ignored}, streams)
+            return self._ask({**request, "ignored": _ignored()}, streams)
+
+    def spawn(self, executable: Any, arguments: Sequence[Any], passed: Sequence[int]) -> int:
+        """Return the process number of a new process; takes what `multiprocessing` hands to `spawnv_passfds`.
+
+        It keeps the numbers of the files passed, and a blocked Ctrl-C.
+        """
+        words, environment = [os.fsdecode(word) for word in arguments], dict(os.environ)
+        if _start(words) is None or _fixed(environment) != _fixed(self._environment):
+            return _plain_spawn(executable, arguments, passed)
+        request = {"words": words, "environment": environment, "folder": str(Path.cwd()), "session": False}
+        request |= {"group": None, "waits": False, "passed": list(passed), "ignored": _ignored()}
+        request["blocked"] = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+        with self._lock:
+            return self._ask(request, [0, 1, 2], passed)
 
     def for_shell(self, folder: Path, path: str) -> tuple[dict[str, str], tuple[int, ...]]:
         """Return the environment and the files to be passed with which a shell's `pzctl` is forked by this server.
@@ -100,13 +118,13 @@ class ForkServer:
         if self._process is not None:
             self._process.wait()
 
-    def _ask(self, request: Mapping[str, Any], streams: Sequence[int]) -> int:
+    def _ask(self, request: Mapping[str, Any], streams: Sequence[int], passed: Sequence[int] = ()) -> int:
         requests = self._socket()
         ours, theirs = os.pipe()
         _adopt_orphans(True)
         try:
             with open(ours, "rb") as answer:  # noqa: PTH123 - a number
-                socket.send_fds(requests, [json.dumps(request).encode()], [*streams, theirs])
+                socket.send_fds(requests, [json.dumps(request).encode()], [*streams, theirs, *passed])
                 os.close(theirs)
                 return int(answer.read())  # the end of the file says that the child is ours
         finally:
@@ -115,18 +133,27 @@ class ForkServer:
 
 @contextlib.contextmanager
 def forking() -> Iterator[ForkServer | None]:
-    """Let `subprocess` start processes of pzctl by a fork server, or give None where there can be none."""
-    if sys.platform != "linux" or _plain is None:
+    """Let `subprocess` and `multiprocessing` start processes by a fork server; give None where there can be none."""
+    if sys.platform != "linux" or _plain is None or _plain_spawn is None:
         yield None
         return
-    with contextlib.closing(ForkServer()) as server, mock.patch.object(subprocess, "_fork_exec", server.fork_exec):
+    with contextlib.closing(ForkServer()) as server, _started_by(server.fork_exec, server.spawn):
         yield server
 
 
 @contextlib.contextmanager
 def new_interpreters() -> Iterator[None]:
-    """Let `subprocess` start everything as ever, as a user does."""
-    with mock.patch.object(subprocess, "_fork_exec", _plain, create=True):
+    """Let everything be started as ever, as for a user."""
+    with _started_by(_plain, _plain_spawn):
+        yield
+
+
+@contextlib.contextmanager
+def _started_by(fork_exec: Any, spawn: Any) -> Iterator[None]:
+    with (
+        mock.patch.object(subprocess, "_fork_exec", fork_exec, create=True),
+        mock.patch.object(multiprocessing.util, "spawnv_passfds", spawn, create=True),
+    ):
         yield
 
 
@@ -136,10 +163,16 @@ def _environment(variables: Sequence[bytes] | None) -> dict[str, str]:
     return dict(os.fsdecode(entry).split("=", 1) for entry in variables)
 
 
+def _ignored() -> list[int]:
+    return [kind for kind in IGNORED if signal.getsignal(kind) is signal.SIG_IGN]
+
+
 def _start(words: Sequence[str]) -> str | None:
-    """Return the module or the script that a command line runs, or None if it is neither of the two."""
+    """Return the module, the script or the pool's worker that a command line runs, or None for anything else."""
     if words[:3] == [sys.executable, "-P", "-m"]:
         return words[3]
+    if words[-1] == POOL_WORKER and "-c" in words:
+        return words[-1]
     return words[0] if Path(words[0]) == SCRIPT else None
 
 

@@ -2,9 +2,11 @@
 
 import atexit
 import contextlib
+import fcntl
 import gc
 import importlib
 import json
+import multiprocessing.util
 import os
 import runpy
 import signal
@@ -18,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fork_server import IGNORED, ForkServer
+from fork_server import IGNORED, POOL_WORKER, ForkServer
 
 IMPORTED = (
     "matplotlib.backends.backend_agg",
@@ -46,6 +48,7 @@ IMPORTED = (
 WITHOUT_CHILDREN = ("pzctl.daemon.server.analyzers.simulated_analyzer", "pzctl.daemon.server.workers.fitter_worker")
 """Modules that start no processes of pzctl, so they need no server."""
 LARGEST_REQUEST = 1 << 20
+MOST_FILES = 16
 
 
 def main() -> None:
@@ -61,12 +64,13 @@ def main() -> None:
     while True:
         request, files = _serve(requests)
         _join(request)
-        if request["words"][3:4] in WITHOUT_CHILDREN:
+        if request["words"][-1] == POOL_WORKER or request["words"][3:4] in WITHOUT_CHILDREN:
             break
         ours, requests = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         if os.fork():
             requests.close()
-            subprocess._fork_exec = ForkServer(ours, request["environment"]).fork_exec
+            server = ForkServer(ours, request["environment"])
+            subprocess._fork_exec, multiprocessing.util.spawnv_passfds = server.fork_exec, server.spawn
             break
         ours.close()  # the server of the new process, and so on
         for file in files:
@@ -79,8 +83,9 @@ def _serve(requests: socket.socket) -> tuple[dict[str, Any], list[int]]:
     """Fork a child for each request and return the request in the child; end when nobody is left who could ask."""
     for kind in IGNORED:
         signal.signal(kind, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, IGNORED)  # the process that asked first may have blocked them
     while True:
-        message, files, _, _ = socket.recv_fds(requests, LARGEST_REQUEST, 4)
+        message, files, _, _ = socket.recv_fds(requests, LARGEST_REQUEST, MOST_FILES)
         if not message:
             os._exit(0)
         request = json.loads(message)
@@ -127,7 +132,20 @@ def _equip(request: Mapping[str, Any], files: Sequence[int]) -> None:
     for kind in IGNORED:
         usual = signal.default_int_handler if kind == signal.SIGINT else signal.SIG_DFL
         signal.signal(kind, signal.SIG_IGN if kind in request["ignored"] else usual)
+    for file in files[:4]:
+        os.close(file)
+    _number(files[4:], request.get("passed", ()))
+    if request.get("blocked"):
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+
+
+def _number(files: Sequence[int], numbers: Sequence[int]) -> None:
+    """Give files the numbers that they have in the process that passed them."""
+    apart = [fcntl.fcntl(file, fcntl.F_DUPFD, max(numbers) + 1) for file in files]
     for file in files:
+        os.close(file)
+    for file, number in zip(apart, numbers, strict=True):
+        os.dup2(file, number)
         os.close(file)
 
 
@@ -136,7 +154,10 @@ def _run(words: list[str]) -> None:
     sys.orig_argv = words
     status: object = 0
     try:
-        if words[0] == sys.executable:
+        if words[-1] == POOL_WORKER:
+            sys.argv = ["-c", POOL_WORKER]
+            exec(words[words.index("-c") + 1], {"__name__": "__main__"})  # noqa: S102 - as an interpreter does
+        elif words[0] == sys.executable:
             sys.argv = words[3:]
             sys.modules.pop(words[3], None)  # it runs as __main__
             runpy.run_module(words[3], run_name="__main__", alter_sys=True)

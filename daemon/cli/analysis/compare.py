@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
 from ....models.base.names import shown
+from ..help_text import Command
 from .fit import Columns, read_trace
 from .fit_options import UsageError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _LISTS = ("--before", "--after")
 
 
-class ListOptions(TyperCommand):
+class ListOptions(Command):
     """A command of which `--before` and `--after` each take all files up to the next option."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

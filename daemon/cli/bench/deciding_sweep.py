@@ -41,21 +41,26 @@ class Diagnoser:
     def step(self, step: str, measurement: str) -> dict[str, Any]:
         """Diagnose a step, make the deciding sweeps, and return the last diagnosis with its picture and these sweeps.
 
+        No sweep is proposed for effects alone for which one was made already: it would not decide more.
         Raises FitError if the step cannot be diagnosed, DaemonError.
         """
         from ...report.tables.diagnosis_output import print_diagnosis
 
         measured: list[dict[str, Any]] = []
+        asked: set[str] = set()
         diagnosis: dict[str, Any] = {}
         for left in range(_MOST_ROUNDS, -1, -1):
             with self.console.status(f"{step}: diagnosing"):
                 diagnosis = self.lab.diagnose(measurement, also=self.aside, propose=left > 0)
             print_diagnosis(self.console, diagnosis)
-            agreed = [proposal for proposal in diagnosis.get("would_measure", []) if self._agreed(step, proposal)]
-            if not agreed:
+            proposed = [one for one in diagnosis.get("would_measure", []) if _effects(one) - asked]
+            agreed = [proposal for proposal in proposed if self._agreed(step, proposal)]
+            if not proposed:
                 self._by_hand(diagnosis)
+            if not agreed:
                 break
             measured += [self._measured(step, measurement, proposal) for proposal in agreed]
+            asked.update(*map(_effects, agreed))
         picture = self._picture(step, measurement)
         return diagnosis | {"step": step, "measurement": measurement, "decided_by": measured, "picture": picture}
 
@@ -64,8 +69,6 @@ class Diagnoser:
         from ....fitters.user_effects import find_any_effect
         from ....models.effects import EffectError
 
-        if diagnosis.get("would_measure"):
-            return
         for finding in diagnosis["findings"]:
             others = [
                 alternative["effect"] for alternative in finding["alternatives"] if alternative["probability"] > _OPEN
@@ -107,6 +110,11 @@ class Diagnoser:
         drawn = diagnosis_picture(received.event.diagnosis, curves, self.build, path)
         self.console.print(f"picture: {drawn}\n", highlight=False, soft_wrap=True)
         return str(drawn)
+
+
+def _effects(proposal: dict[str, Any]) -> set[str]:
+    """Return the effects that a proposed measurement would show or exclude."""
+    return {question["effect"] for question in proposal["decides"]}
 
 
 def _duration(seconds: float) -> str:

@@ -36,7 +36,8 @@ def client(
     ] = "watch",
     out: Annotated[Path | None, typer.Option(help="Key file for the client; default: NAME.key.")] = None,
     expires: Annotated[
-        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Last day (UTC) on which the key is valid.")
+        datetime | None,
+        typer.Option(formats=["%Y-%m-%d"], metavar="YYYY-MM-DD", help="Last day (UTC) on which the key is valid."),
     ] = None,
     analyzer: Annotated[
         list[str] | None, typer.Option(help="Analyzer that the client may use; may be repeated; default: all.")
@@ -80,7 +81,8 @@ def rotate(
     days: Annotated[int, typer.Option(min=0, max=365, help="Days for which the old key is still valid.")] = 7,
     out: Annotated[Path | None, typer.Option(help="New key file for the client; default: NAME.new.key.")] = None,
     expires: Annotated[
-        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="Last day (UTC) on which the new key is valid.")
+        datetime | None,
+        typer.Option(formats=["%Y-%m-%d"], metavar="YYYY-MM-DD", help="Last day (UTC) on which the new key is valid."),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from ....models.base.plain_numbers import without_exponent
 from ....models.base.uncertain_numbers import with_uncertainty
 
 
@@ -47,7 +48,9 @@ def print_many(console: Console, found: Mapping[str, Any]) -> None:
         if not findings and device["verdict"] == "unexplained":
             findings = _moved(device["resonances"])
         mark = " !" if device["file"] in found["outliers"] else ""
-        table.add_row(device["file"] + mark, device["verdict"], f"{100 * device['change']:.3g}", "\n".join(findings))
+        table.add_row(
+            device["file"] + mark, device["verdict"], without_exponent(100 * device["change"], 3), "\n".join(findings)
+        )
     console.print(table)
 
 
@@ -113,9 +116,9 @@ def _bands_table(bands: Sequence[Mapping[str, Any]]) -> Table:
         low, high = band["band_Hz"]
         table.add_row(
             f"{low / 1e3:.5g}-{high / 1e3:.5g}",
-            f"{100 * band['magnitude']:.3g}",
-            f"{1e3 * band['phase']:.3g}",
-            f"{100 * band['noise']:.2g}",
+            without_exponent(100 * band["magnitude"], 3),
+            without_exponent(1e3 * band["phase"], 3),
+            without_exponent(100 * band["noise"], 2),
         )
     return table
 

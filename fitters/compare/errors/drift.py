@@ -5,6 +5,7 @@ shows it bare: that before, or that after if something was removed. Drift is lin
 """
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -13,7 +14,7 @@ import numpy as np
 from ....models.base.arrays import Complexes, Impedances, Reals
 from ...error_model.smooth_basis import smooth
 from ..pair import Pair
-from ..resonances import Resonances, changed, pole_terms, slope_of
+from ..resonances import Remainder, Resonances, changed, pole_terms, remainder_of, slope_of
 
 _STEP = 1e-6
 _LENGTH, _LOSSES = 0.1, 0.3
@@ -51,8 +52,17 @@ class DriftPoint:
 class Drift:
     """The drift of the resonances of one recording of a pair."""
 
-    def __init__(self, pair: Pair, resonances: tuple[Resonances, Resonances], point: DriftPoint) -> None:
-        """Take a pair, the resonances of both recordings, and where drift is linearised."""
+    def __init__(
+        self,
+        pair: Pair,
+        resonances: tuple[Resonances, Resonances],
+        point: DriftPoint,
+        remainder: Remainder | None = None,
+    ) -> None:
+        """Take a pair, the resonances of both recordings, and where drift is linearised.
+
+        `remainder`: what the resonances leave of the same recording, if it is known.
+        """
         own = resonances[point.after]
         count = own.poles.size
         self.point = point if point.moved.size else replace(point, moved=np.zeros(3 * count))
@@ -61,7 +71,8 @@ class Drift:
             self.pair, self.own = self._applied(pair, own)
         f, u = pair.frequency, pair.log_f
         self._Y: Complexes = np.asarray(1 / (self.pair.after if point.after else self.pair.before), np.complex128)
-        self.slope, rest, self._slope_error = slope_of(f, 1 / self._Y, self.own)
+        self.remainder = remainder or remainder_of(f, self._Y, self.own)
+        self.slope, rest, self._slope_error = slope_of(f, 1 / self._Y, self.own, self.remainder)
         self._bend = np.gradient(rest, u)
         self._each = self._of_each()
         ends = float(u[0]), float(u[-1])
@@ -108,6 +119,13 @@ class Drift:
             now = pole_terms(f, *changed(own.poles, own.residues, *step))
             made.append(np.asarray((own.seen(f) - now) / self._Y[:, None] / _STEP, np.complex128))
         return np.hstack(made)
+
+    def unsettled(self, uncertain: float) -> "Drift":
+        """Return the same with resonances that may still move by this many half widths."""
+        made = copy(self)
+        made.point = replace(self.point, uncertain=uncertain)
+        vars(made).pop("_of_uncertain", None)
+        return made
 
     def nudged(self) -> Iterator[tuple[Impedances, Resonances, float]]:
         """Yield the device with a step in ln frequency, then in ln Q, then in ln strength, of each resonance."""

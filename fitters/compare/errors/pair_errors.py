@@ -16,6 +16,7 @@ part, from grids with prior probabilities; a rest beyond `USUAL_REST` is somethi
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from math import log
@@ -27,7 +28,7 @@ from ....models.base.arrays import Complexes, Impedances, Reals
 from ...error_model.point_covariance import Kernel, PointErrors, spread_of_variance
 from ...error_model.smooth_basis import smooth
 from ..pair import Pair
-from ..resonances import Resonances, slope_of
+from ..resonances import Remainder, Resonances, slope_of
 from .drift import DRIFTS, Drift, DriftPoint
 from .imitation import USUAL_DRIFT, beside, shares_of_drift
 from .instrument_errors import InstrumentErrors
@@ -57,10 +58,16 @@ _ONE_IN_TWENTY = 1.645
 class PairErrors:
     """Quantities common to all hypotheses about a pair."""
 
-    def __init__(self, pair: Pair, resonances: tuple[Resonances, Resonances], point: DriftPoint | None = None) -> None:
-        """Take a pair, the resonances of both recordings, and where drift is linearised."""
+    def __init__(
+        self,
+        pair: Pair,
+        resonances: tuple[Resonances, Resonances],
+        point: DriftPoint | None = None,
+        remainder: Remainder | None = None,
+    ) -> None:
+        """Take a pair, the resonances of both recordings, where drift is linearised, and what is known of it."""
         self.recorded, self.resonances = pair, resonances
-        self._drift = Drift(pair, resonances, point or DriftPoint())
+        self._drift = Drift(pair, resonances, point or DriftPoint(), remainder)
         self.pair, self.own, self.slope = self._drift.pair, self._drift.own, self._drift.slope
         u = pair.log_f
         ends = float(u[0]), float(u[-1])
@@ -85,7 +92,9 @@ class PairErrors:
 
     def unsettled(self, uncertain: float) -> "PairErrors":
         """Return the same with drift that may still move by this many half widths of each resonance."""
-        return self._at(replace(self._drift.point, uncertain=uncertain))
+        made = copy(self)
+        vars(made).update(_drift=self._drift.unsettled(uncertain))
+        return made
 
     def from_after(self) -> "PairErrors":
         """Return the same for a device that is bare in the recording after: its resonances are those that drift."""
@@ -100,7 +109,8 @@ class PairErrors:
         return np.asarray(predicted * self.recorded.after / self.pair.after, np.complex128)
 
     def _at(self, point: DriftPoint) -> "PairErrors":
-        return PairErrors(self.recorded, self.resonances, point)
+        known = self._drift.remainder if point.after == self._drift.point.after else None
+        return PairErrors(self.recorded, self.resonances, point, known)
 
     def without(self, held: Sequence[tuple[int, int]]) -> "PairErrors":
         """Return the same without some blocks of points."""

@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from math import log
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotri, dpotrs
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri, dpotrs, dtrtrs
 
 from ....models.base.arrays import Complexes, Reals
 from ...error_model.point_covariance import Kernel, PointErrors, in_noise
@@ -26,6 +28,8 @@ GRIDS: dict[str, Grid] = {
     "wander": {3e-6: 0.3, 3e-5: 0.3, 1e-4: 0.3, 3e-4: 0.1},
     "shape": {3e-3: 0.4, 0.01: 0.3, 0.05: 0.2, 0.2: 0.1},
 }
+_TRIALS = {name: (np.array(list(grid)), np.log(list(grid.values()))) for name, grid in GRIDS.items()}
+"""The sizes on each grid, and ln of their prior probabilities."""
 COLOURS: Grid = {0.0: 0.6, 0.3: 0.2, 0.5: 0.12, 0.65: 0.05, 0.8: 0.03}
 """Correlation of the noise of neighbouring points."""
 RESTS: Grid = {
@@ -148,22 +152,22 @@ def _climbed(
     `known`: the number of data, and how often all sizes are tried.
     """
     numbers, rounds = known
-
-    def values(trials: Sequence[Sizes]) -> Reals:
-        scales = np.array([scale_of(where, one, G.shape[0]) for one in trials])
-        noise, priors = np.array([one.noise for one in trials]), np.array([one.log_prior for one in trials])
-        return log_densities(G, log_det, scales, noise) - numbers * np.log(noise) + priors
-
-    best = float(values([sizes])[0])
+    start = log_density(G / sizes.noise**2, log_det, scale_of(where, sizes, G.shape[0]))
+    best, tried = start - numbers * log(sizes.noise) + sizes.log_prior, dict[str, Sizes]()
     for _ in range(rounds):
         before = best
-        for name, grid in GRIDS.items():
-            if name in where and where[name].start == where[name].stop:
-                continue
-            trials = [replace(sizes, **{name: size}) for size in grid if size != getattr(sizes, name)]
-            here = values(trials)
-            if here.max() > best:
-                best, sizes = float(here.max()), trials[int(here.argmax())]
+        for name, (trials, priors) in _TRIALS.items():
+            if (name in where and where[name].start == where[name].stop) or tried.get(name) == sizes:
+                continue  # without columns, or nothing else has changed since this one was tried
+            scale = scale_of(where, sizes, G.shape[0])
+            if name == "noise":
+                logs = log_densities(G, log_det, scale, trials) - numbers * np.log(trials)
+            else:
+                logs = densities_of_group(G / sizes.noise**2, log_det, scale, where[name], trials)
+                logs = logs - numbers * log(sizes.noise)
+            k = int((logs + priors).argmax())
+            best = float(logs[k] + priors[k]) + sizes.log_prior - log(GRIDS[name][getattr(sizes, name)])
+            sizes = tried[name] = replace(sizes, **{name: float(trials[k])})
         if best - before < 0.1:
             break
     return best, sizes
@@ -188,21 +192,64 @@ def log_density(G: Reals, log_det: float, scale: Reals) -> float:
     return -0.5 * (float(G[0, 0] - v @ solved) + 2 * float(np.sum(np.log(c.diagonal()))) + log_det)
 
 
-def log_densities(G: Reals, log_det: float, scales: Reals, noise: Reals) -> Reals:
-    """Return `log_density` for several priors at once (K x columns) and sizes of the noise (K).
+def log_densities(G: Reals, log_det: float, scale: Reals, noise: Reals) -> Reals:
+    """Return `log_density` for several sizes of the noise (K).
 
     `log_det` is that of noise of size 1, and the noise's own determinant is not included. The last entry of the
     Cholesky factor with the residual as last column is the root of what the columns leave of it.
     """
-    sides = np.column_stack((scales, np.ones(noise.size))) / noise[:, None]
-    S = sides[:, :, None] * np.roll(G, -1, (0, 1)) * sides[:, None, :]
-    S[:, :-1, :-1] += np.eye(scales.shape[1])
+    side = np.append(scale, 1.0)
+    S = np.roll(G, -1, (0, 1)) * side * side[:, None] / noise[:, None, None] ** 2
+    S.reshape(noise.size, -1)[:, : -1 : side.size + 1] += 1.0
     try:
         roots = np.linalg.cholesky(S).diagonal(0, 1, 2)
     except np.linalg.LinAlgError:  # rounding made one of them indefinite
-        each = zip(scales, noise, strict=True)
-        return np.array([log_density(G / size**2, log_det, scale) for scale, size in each])
+        return np.array([log_density(G / size**2, log_det, scale) for size in noise])
     return -0.5 * (roots[:, -1] ** 2 + 2 * np.log(roots[:, :-1]).sum(axis=1) + log_det)
+
+
+def densities_of_group(G: Reals, log_det: float, scale: Reals, group: slice, trials: Reals) -> Reals:
+    """Return `log_density` for several prior standard deviations (K) of the coefficients of one group of columns.
+
+    `group`: its place in G. The coefficients of all others are integrated out once: a Schur complement.
+    """
+    others, inside, across, own = _places(G.shape[0], group.start, group.stop)
+    d = scale[others]
+    S, beside = G.take(inside) * d * d[:, None], G.take(across) * d
+    S.ravel()[:: d.size + 1] += 1.0
+    c, failed = dpotrf(S.T, lower=1, overwrite_a=1)
+    if failed:
+        return _one_by_one(G, log_det, scale, group, trials)
+    solved, _ = dtrtrs(c, beside.T, lower=1, overwrite_b=1)
+    left = np.asarray(G.take(own) - solved.T @ solved, np.float64)
+    T = left * (trials**2)[:, None, None]
+    T[:, -1] = left[-1] * trials[:, None]
+    T[:, -1, -1] = left[-1, -1]
+    T.reshape(trials.size, -1)[:, : -1 : left.shape[0] + 1] += 1.0
+    try:
+        roots = np.linalg.cholesky(T).diagonal(0, 1, 2)
+    except np.linalg.LinAlgError:  # rounding made one of them indefinite
+        return _one_by_one(G, log_det, scale, group, trials)
+    logs = 2 * np.log(roots[:, :-1]).sum(axis=1) + 2 * float(np.log(c.diagonal()).sum())
+    return -0.5 * (roots[:, -1] ** 2 + logs + log_det)
+
+
+def _one_by_one(G: Reals, log_det: float, scale: Reals, group: slice, trials: Reals) -> Reals:
+    """Return the same as `densities_of_group`, each by itself."""
+    scales = np.tile(scale, (trials.size, 1))
+    scales[:, group.start - 1 : group.stop - 1] = trials[:, None]
+    return np.array([log_density(G, log_det, one) for one in scales])
+
+
+@cache
+def _places(count: int, start: int, stop: int) -> tuple[NDArray[np.intp], ...]:
+    """Return the coefficients of all columns but those of a group, and where in G, flat, their products are.
+
+    Those among themselves, those with the group and the residual, and the products of the latter, the residual last.
+    """
+    own, others = np.r_[start:stop, 0], np.r_[1:start, stop:count]
+    rows = own[:, None] * count
+    return others - 1, others[:, None] * count + others, rows + others, rows + own
 
 
 def posterior_of(G: Reals, scale: Reals) -> tuple[Reals, Reals]:

@@ -66,12 +66,16 @@ class Experiment:
 
 
 def experiments(sweeps: Sequence[Sweep], can: InstrumentLimits) -> tuple[Experiment, ...]:
-    """Return the variations of the narrowest sweep among `sweeps` (all of one step) that the analyzer can make."""
+    """Return the variations of the narrowest sweep among `sweeps` (all of one step) that the analyzer can make.
+
+    Not those that are among `sweeps` already: once more, they would only average the noise.
+    """
     sweep = min(sweeps, key=lambda one: float(one.frequency[-1] / one.frequency[0]))
     base = plan_of(sweep)
     found = [_other_bandwidth(base, can), _other_direction(base), _wider(base, can), _finer(base, sweep)]
     found += [Experiment("repeat", "repeat the sweep as it was", base), *_other_levels(base, sweep, can)]
-    return tuple(one for one in found if one is not None)
+    known = [plan_of(one) for one in sweeps]
+    return tuple(one for one in found if one is not None and (one.kind == "repeat" or one.plan not in known))
 
 
 def plan_of(sweep: Sweep) -> SweepPlan:

@@ -34,6 +34,9 @@ class Candidate:
     """Steps whose recordings show it, in gluing order."""
     effect_parameters: tuple[EffectParameter, ...]
 
+    def __hash__(self) -> int:
+        return hash((self.effect.name, self.where, self.steps))  # its parameters follow from these
+
     @property
     def step(self) -> str:
         """The step in which it first appears."""

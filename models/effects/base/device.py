@@ -27,18 +27,20 @@ class Added:
     values: Mapping[str, float]
     """By parameter name."""
 
-    @property
+    @cached_property
     def prefix(self) -> str:
         """Common prefix of its parameters' names."""
         return f"{self.effect.name}@{self.where}."
 
     def parameters(self) -> dict[str, float]:
         """Return its values by full parameter name."""
-        return {self.prefix + knob: value for knob, value in self.values.items()}
+        prefix = self.prefix
+        return {prefix + knob: value for knob, value in self.values.items()}
 
     def moved(self, parameters: Mapping[str, float]) -> Self:
         """Return it with its own among these parameters changed."""
-        changes = {name.removeprefix(self.prefix): v for name, v in parameters.items() if name.startswith(self.prefix)}
+        prefix = self.prefix
+        changes = {name.removeprefix(prefix): v for name, v in parameters.items() if name.startswith(prefix)}
         return type(self)(self.effect, self.where, {**self.values, **changes}) if changes else self
 
 
@@ -91,13 +93,13 @@ class Device:
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the device with these parameters. Raises KeyError for an unknown name."""
-        effect_parameters = {name for added_effect in self.added for name in added_effect.parameters()}
-        moved = {name: value for name, value in values.items() if name not in effect_parameters}
+        of_effects = {name: value for name, value in values.items() if name in self._of_effects}
+        moved = {name: value for name, value in values.items() if name not in self._of_effects}
         if moved:
             require(moved, self.parameters(), "the device")
-        added = tuple(added_effect.moved(values) for added_effect in self.added)
+        added = tuple(one.moved(of_effects) for one in self.added) if of_effects else self.added
         device = type(self)(self.bare.replace(moved) if moved else self.bare, added, self.conditions, self.nominal)
-        device.__dict__["_knobs"] = self._knobs
+        device.__dict__.update(_knobs=self._knobs, _of_effects=self._of_effects)
         if not moved:
             device.__dict__["_kept"] = self._as_far_as(added)
         return device
@@ -162,6 +164,11 @@ class Device:
         pairs = enumerate(zip(_from_within(self.added), _from_within(added), strict=True), 1)
         same = next((k for k, (before, after) in pairs if before is not after), len(added) + 1)
         return self._assemblies[:same]
+
+    @cached_property
+    def _of_effects(self) -> frozenset[str]:
+        """Names of the effects' parameters."""
+        return frozenset(name for added_effect in self.added for name in added_effect.parameters())
 
     @cached_property
     def _knobs(self) -> dict[str, dict[str, EffectParameter]]:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from typer.testing import CliRunner, Result
 from pzctl.daemon.cli import app
 from pzctl.daemon.cli.lab.doctor import Unwell
 from pzctl.daemon.files.paths import home
-from pzctl.daemon.server.checkup import _devices, _instrument, _own_folder
+from pzctl.daemon.server.checkup import _devices, _folder, _instrument, _own_folder
 from pzctl.drivers.recordings import read_recording
 from pzctl.models.base.errors import PzctlError
 from pzctl.sim.server import SimOptions, running
@@ -104,6 +105,25 @@ def test_the_doctor_of_a_machine_that_is_well() -> None:
     assert done.returncode == 0, done.stderr
     assert "was measured, recorded, published and fitted" in checks["rehearsal"]["says"]
     assert checks["journal"]["says"].startswith("empty")
+
+
+@pytest.mark.parametrize(
+    ("free", "status", "says"),
+    [
+        (3, "fault", "3 MB are free; 64 MB are needed to measure"),
+        (100, "note", "only 105 MB are free"),
+        (999, "ok", ""),
+    ],
+)
+def test_the_doctor_reports_a_disk_that_is_too_full_to_measure(
+    free: int, status: str, says: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    usage = SimpleNamespace(total=1 << 30, used=0, free=free << 20)
+    monkeypatch.setattr("pzctl.daemon.server.checkup.shutil.disk_usage", lambda _: usage)
+    found = _folder()
+    assert found.status == status
+    assert says in found.says
 
 
 def test_the_doctor_finds_a_damaged_journal_and_a_silent_instrument(

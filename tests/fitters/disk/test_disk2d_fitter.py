@@ -6,7 +6,6 @@ import complex_ceramic
 import numpy as np
 import pytest
 from disk_build import disk_build
-from scipy.signal import find_peaks
 
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter
 from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
@@ -83,6 +82,8 @@ def test_a_known_disk_is_recovered_and_undetermined_constants_are_listed():
     (low,) = (c for name, c in result.derived.items() if "capacitance_at_113.1_kHz" in name)
     true = 1 / (2j * np.pi * 113137.085 * disk.impedance(np.array([113137.085]))[0])
     assert abs(low.re - true.real) < 4 * low.u_re
+    from scipy.signal import find_peaks  # imported late: it takes half a second, in every process of a test run
+
     # between the two bands, without recorded points
     between = np.linspace(0.65e6, 1.55e6, 9001)
     Z = disk.impedance(between)

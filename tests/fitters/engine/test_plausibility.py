@@ -65,6 +65,12 @@ def test_a_degenerate_recording(
     assert "\n" not in str(caught.value)
 
 
+def test_a_recording_of_a_daemon_is_called_by_its_step(cases: Path, good: Sweep) -> None:
+    number = "01a2130e-6517-7ab4-9508-b84b61639377"
+    with pytest.raises(FitError, match=rf"^recording {number} of step 'disk': the median .* another unit, "):
+        fit(cases, Sweep(good.frequency, 1e3 * good.impedance, id=number))
+
+
 def test_too_few_points_in_a_linewidth(cases: Path, good: Sweep) -> None:
     few, fewer = (Sweep(good.frequency[::n], good.impedance[::n], id="few.csv") for n in (4, 16))
     assert any("points lie in the linewidth" in sentence for sentence in fit(cases, few).says)

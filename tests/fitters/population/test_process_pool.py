@@ -8,6 +8,8 @@ import pytest
 
 from pzctl.fitters.population.process_pool import started
 
+pytestmark = pytest.mark.usefixtures("as_for_users")
+
 
 @pytest.mark.parametrize("end", [KeyboardInterrupt, ValueError])
 def test_an_interrupted_pool_leaves_no_process_and_no_thread(end: type[BaseException]) -> None:

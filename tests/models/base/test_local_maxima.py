@@ -5,7 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.signal import find_peaks
 
 from pzctl.models.base.local_maxima import prominent_peaks
 
@@ -13,6 +12,8 @@ from pzctl.models.base.local_maxima import prominent_peaks
 @pytest.mark.parametrize("steps", [None, 2, 0], ids=["rough", "with flat tops", "flat"])
 @pytest.mark.parametrize("least", [0.0, 1.5, np.linspace(0.0, 4.0, 301)], ids=["all", "some", "by place"])
 def test_peaks_are_those_of_scipy(steps: int | None, least: float | np.ndarray) -> None:
+    from scipy.signal import find_peaks  # imported late: it takes half a second, in every process of a test run
+
     rng = np.random.default_rng(7)
     for _ in range(20):
         walk = np.cumsum(rng.normal(size=301))

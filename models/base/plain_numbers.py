@@ -1,0 +1,10 @@
+"""Numbers as text."""
+
+import numpy as np
+
+
+def without_exponent(value: float, digits: int) -> str:
+    """Return a number with so many significant digits and no exponent: 120 per cent, not 1.2e+02."""
+    if not np.isfinite(value) or not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.{digits}g}"
+    return np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim="-")
