@@ -7,6 +7,7 @@ import numpy as np
 
 from ....models.base.errors import PzctlError
 from ....models.effects.learned.laws import laws
+from ....models.effects.learned.learned import NAME
 from ...error_model.error_sizes import ErrorSizes
 from ..decision_rules import LEFT, NAMED
 from ..findings import Alternative
@@ -16,6 +17,7 @@ from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion, NamedEffect, remaining_of, unexplained
 from ..inference.effect_size import sizes_of
 from ..search.weak_lines import with_weak_lines
+from ..validation.forecast import forecast_of
 from .laws import LearnedCorrection, learned_laws
 from .places import PlacedCorrection, placed_corrections
 
@@ -108,7 +110,16 @@ class Learning:
                 break
             conclusion = found
             found, _ = replace(self, problem=self._beside_lines_of(found.final)).extended(found, [found.final])
-        return found, places
+        return self._validated(found), places
+
+    def _validated(self, conclusion: Conclusion) -> Conclusion:
+        """Return the conclusion with the forecast of held-out data, if a law was learned."""
+        if not any(one.candidate.effect.name == NAME for one in conclusion.named):
+            return conclusion
+        try:
+            return replace(conclusion, forecast=forecast_of(self.problem, conclusion.final))
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return conclusion
 
     def _beside_lines_of(self, one: Hypothesis) -> Problem:
         """Return the problem with the weak lines beside which a hypothesis was fitted."""
