@@ -134,13 +134,18 @@ class Learning:
             different.setdefault(one.key, one)
         explanations: list[_Explanation] = []
         places: dict[Hypothesis, tuple[PlacedCorrection, ...]] = {}
-        for one in list(different.values())[:_PARENTS]:
+        for one in sorted(list(different.values())[:_PARENTS], key=lambda one: len(one.effects)):
             parent = self._alone(one)
-            places[parent], least = self._places(parent, conclusion.something_left)
             explanations.append(_Explanation(parent, None, parent))
+            enough = _enough(explanations, parent)
+            if enough:
+                places[parent] = places[enough[0].parent]
+                explanations += self._the_same_beside(parent, enough)
+                continue
+            places[parent], least = self._places(parent, conclusion.something_left)
             for placed in _likely(places[parent], least):
                 made = learned_laws(self.problem, parent, placed, self.progress)
-                explanations += [_Explanation(law.hypothesis, law, parent) for law in made]
+                explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
         choice = _chosen(explanations)
         if choice is None or choice.probability < NAMED:
             return conclusion, next(iter(places.values()))
@@ -149,6 +154,22 @@ class Learning:
         if not conclusion.something_left and not _better(final, choice.best, _beside(problem, conclusion.final)):
             return conclusion, places[choice.best.parent]
         return _concluded(problem, conclusion, choice, final), places[choice.best.parent]
+
+    def _the_same_beside(self, parent: Hypothesis, enough: Sequence[_Explanation]) -> list[_Explanation]:
+        """Return the best law that leaves nothing beside fewer effects, fitted beside those of another parent.
+
+        It leaves nothing for a law at another place; whether the further effects are there as well is left to evidence.
+        """
+        best = max(enough, key=lambda one: one.hypothesis.log_evidence)
+        law, known = best.law, best.hypothesis
+        if law is None:
+            return []
+        effects, values = (*parent.effects, law.candidate), {**parent.values, **known.values}
+        try:
+            made = fitted(self.problem, effects, values, (known.fit.sizes, parent.fit.sizes), near=True, tau=False)
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return []
+        return [_Explanation(made, replace(law, hypothesis=made), parent)]
 
     def _alone(self, one: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted without smooth errors of the model, which would absorb what a law describes."""
@@ -197,6 +218,23 @@ def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesi
     if set(one.fit.marginal.lines) == set(problem.lines):
         return one
     return fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=tau)
+
+
+def _enough(explanations: Sequence[_Explanation], parent: Hypothesis) -> list[_Explanation]:
+    """Return the laws beside some of a parent's effects that leave no more than noise and the usual errors."""
+    return [
+        one
+        for one in explanations
+        if one.law is not None and one.parent.key <= parent.key and one.hypothesis.fit.shortfall == 0
+    ]
+
+
+def _explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
+    """Return whether a law leaves less than the hypothesis to which it is added.
+
+    One that leaves more has moved the constants to where the device is so sensitive that errors describe anything.
+    """
+    return unexplained(law.hypothesis) <= max(unexplained(parent), LEFT)
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:

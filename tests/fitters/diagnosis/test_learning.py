@@ -12,7 +12,9 @@ from pzctl.daemon.files.builds.effects_writing import append_effects
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
+from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_of
 from pzctl.fitters.diagnosis.learning.delays import delays_at
+from pzctl.fitters.diagnosis.learning.learned_effect import Learning
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
@@ -64,6 +66,19 @@ def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: D
     assert finding.parameters["inductance"].value == pytest.approx(5e-9, rel=1e-3)
     assert diagnosis.final.chi2_per_dof < 1.3
     assert diagnosis.final.held_out < 1.3
+
+
+def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_not_looked_for(bare: Device) -> None:
+    f, said = np.linspace(1.5e6, 7.5e6, 41), list[str]()
+    task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 5e-9, f)
+    problem = Problem.of(solve(task, lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    resistance = _candidate(find_effect("series-resistance"), "terminals", bare.bare)
+    imitated = fitted(problem, (resistance,), problem.values)
+    nothing = Conclusion(null, null, (), remaining_of(null), something_left=True, something_else=1.0, nearest=None)
+    found, _ = Learning(problem, said.append).extended(nothing, [imitated, null])
+    assert [(one.effect.name, one.where) for one in found.final.effects] == [("learned", "terminals")]
+    assert sum(one.startswith("trying a correction") for one in said) == 1
 
 
 def _candidate(effect: Effect, where: str, stack: Stack) -> Candidate:
