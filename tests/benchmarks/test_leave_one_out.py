@@ -63,7 +63,7 @@ EXPECTED: Mapping[str, Expected] = {
     "drive-nonlinearity": Expected(("stiffness",), ()),
     "electrode-mass": Expected((*_FACE, "stiffness"), ("inertance",)),
     "face-load": Expected(_FACE, ("resistance", "compliance", "root")),
-    "finite-backing": Expected((*_FACE, "load"), ("echo",)),
+    "finite-backing": Expected((*_FACE, "load"), ("echo", "fading-echo")),
     "lateral-modes": Expected(_LAYER, ("resonance", "resonance-falling")),
     "lead-inductance": Expected(("series",), ("inertance",)),
     "leakage": Expected(("shunt",), ("resistance",)),

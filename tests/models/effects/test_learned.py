@@ -96,11 +96,15 @@ def test_the_simplest_laws_at_the_terminals_equal_catalogue_effects(quantity, la
     assert learned.reference == resonance(GLUED)
 
 
-def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length() -> None:
+@pytest.mark.parametrize(("law", "fades"), [("echo", 0.0), ("fading-echo", 1.0)])
+def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length(law: str, fades: float) -> None:
     echo, delay = 0.3, 1.7e-6
-    learned = learned_law(Place("face:back", "load"), "echo", GLUED)
+    decay = -fades * float(np.log(echo))
+    learned = learned_law(Place("face:back", "load"), law, GLUED)
     found = Device(GLUED).with_effect(learned, "face:back", {"size": echo, "delay": delay}).impedance(F)
-    finite = FiniteBackingLoad(GLUED.back, strength=echo, delay=delay, decay=0.0, reference=1e6, loss=0.0)
+    finite = FiniteBackingLoad(
+        GLUED.back, strength=echo, delay=delay, decay=decay, reference=learned.reference, loss=0.0
+    )
     np.testing.assert_allclose(found, replace(GLUED, back=finite).impedance(F), rtol=1e-9)
     in_air = replace(GLUED, back=AIR)
     assert Place("face:back", "load") not in places(in_air), "a face in air has no load for an echo to run in"
