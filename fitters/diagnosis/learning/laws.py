@@ -15,10 +15,12 @@ from ....models.effects.learned.laws import Law, laws
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
+from ...error_model.error_sizes import ErrorSizes
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .delays import delays_at
-from .places import PlacedCorrection
+from .places import PlacedCorrection, drawn_law, free_places
+from .sharp import SharpCorrection, sharp_corrections
 
 _TRIALS = 6
 """Start values of a frequency over its range."""
@@ -56,9 +58,44 @@ def learned_laws(
         effect = LearnedLaw(place, law, stack, band=band)
         one = Candidate(effect, place.where, placed.steps, effect.effect_parameters(stack, place.where))
         progress(f"trying the law {law.name} of {place.says}")
-        best = _fitted(problem, parent, one, _starts(effect, one, placed, parent), placed)
+        sizes = placed.hypothesis.fit.sizes, parent.fit.sizes
+        best = _fitted(problem, parent, one, _starts(effect, one, placed, parent), sizes)
         if best is not None:
             made.append((effect, one, best))
+    return _weighed(placed, made)
+
+
+def sharp_laws(
+    problem: Problem, parent: Hypothesis, residual: Hypothesis, progress: Callable[[str], None] = lambda _: None
+) -> tuple[LearnedCorrection, ...]:
+    """Return resonances and echoes in addition to a hypothesis, at the places where they explain most of a residual."""
+    return tuple(
+        law
+        for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True))
+        for law in _sharp(problem, parent, sharp, progress)
+    )
+
+
+def _sharp(
+    problem: Problem, parent: Hypothesis, sharp: SharpCorrection, progress: Callable[[str], None]
+) -> tuple[LearnedCorrection, ...]:
+    """Return the fit of a resonance or an echo, if there is one."""
+    stack, place = stack_of(problem.recordings[-1].model), sharp.place
+    ends = [recording.sweep.frequency[[0, -1]] for recording in problem.recordings if recording.step in sharp.steps]
+    band = float(min(end[0] for end in ends)), float(max(end[1] for end in ends))
+    effect = LearnedLaw(place, sharp.law, stack, band=band)
+    one = Candidate(effect, place.where, sharp.steps, effect.effect_parameters(stack, place.where))
+    progress(f"trying the law {sharp.law.name} of {place.says}")
+    start = {one.prefix + name: value for name, value in effect.physical(sharp.start).items()}
+    starts = [(parent.values, start)] if start else [(parent.values, own) for own in _from_periods(effect, one, parent)]
+    best = _fitted(problem, parent, one, starts, (parent.fit.sizes,))
+    return () if best is None else _weighed(drawn_law(effect, one, best, band), [(effect, one, best)])
+
+
+def _weighed(
+    placed: PlacedCorrection, made: Sequence[tuple[LearnedLaw, Candidate, Hypothesis]]
+) -> tuple[LearnedCorrection, ...]:
+    """Return fitted laws of one place with their probabilities, most probable first."""
     if not made:
         return ()
     evidence = np.array([hypothesis.log_evidence for *_, hypothesis in made])
@@ -83,7 +120,7 @@ _Start = tuple[Mapping[str, float], dict[str, float]]
 
 
 def _fitted(
-    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[_Start], placed: PlacedCorrection
+    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[_Start], sizes: Sequence[ErrorSizes]
 ) -> Hypothesis | None:
     """Return the best fit of a law.
 
@@ -92,7 +129,7 @@ def _fitted(
     made: list[Hypothesis] = []
     effects = (*parent.effects, one)
     for values, start in starts:
-        for own in dict.fromkeys((placed.hypothesis.fit.sizes, parent.fit.sizes)):
+        for own in dict.fromkeys(sizes):
             try:
                 once = fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False)
                 made.append(fitted(problem, effects, once.values, (once.fit.sizes,), near=True, rounds=1, tau=False))

@@ -18,7 +18,7 @@ from ..inference.conclusion import Conclusion, NamedEffect, remaining_of, unexpl
 from ..inference.effect_size import sizes_of
 from ..search.weak_lines import with_weak_lines
 from ..validation.forecast import forecast_of
-from .laws import LearnedCorrection, learned_laws
+from .laws import LearnedCorrection, learned_laws, sharp_laws
 from .places import PlacedCorrection, placed_corrections
 
 _SAID = 0.01
@@ -146,6 +146,9 @@ class Learning:
             for placed in _likely(places[parent], least):
                 made = learned_laws(self.problem, parent, placed, self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
+            if conclusion.something_left and not _enough(explanations, parent):
+                made = sharp_laws(self.problem, parent, self._plain(parent), self.progress)
+                explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
         choice = _chosen(explanations)
         if choice is None or choice.probability < NAMED:
             return conclusion, next(iter(places.values()))
@@ -153,7 +156,7 @@ class Learning:
         problem = self._beside_lines_of(final)
         if not conclusion.something_left and not _better(final, choice.best, _beside(problem, conclusion.final)):
             return conclusion, places[choice.best.parent]
-        return _concluded(problem, conclusion, choice, final), places[choice.best.parent]
+        return _concluded(problem, conclusion, choice, final), _with_its_place(places[choice.best.parent], choice)
 
     def _the_same_beside(self, parent: Hypothesis, enough: Sequence[_Explanation]) -> list[_Explanation]:
         """Return the best law that leaves nothing beside fewer effects, fitted beside those of another parent.
@@ -218,6 +221,15 @@ def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesi
     if set(one.fit.marginal.lines) == set(problem.lines):
         return one
     return fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=tau)
+
+
+def _with_its_place(places: Sequence[PlacedCorrection], choice: _Choice) -> tuple[PlacedCorrection, ...]:
+    """Return the places of smooth corrections, with that of the best law if it is too sharp to be among them."""
+    own = choice.law.placed
+    if any(one.place == own.place for one in places):
+        return tuple(places)
+    rest = [replace(one, probability=one.probability * (1 - choice.probability)) for one in places]
+    return (replace(own, probability=choice.probability), *rest)
 
 
 def _enough(explanations: Sequence[_Explanation], parent: Hypothesis) -> list[_Explanation]:

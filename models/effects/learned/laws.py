@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.arrays import Complexes, Reals
 from ..base.effect import EffectParameter
@@ -88,7 +89,7 @@ def _fading_echo(x: Reals, values: Values) -> Complexes:
     return _standing(values["size"] ** x * np.exp(-2j * np.pi * x * values["delay"]))
 
 
-def _standing(echo: Complexes) -> Complexes:
+def _standing(echo: NDArray[np.inexact]) -> Complexes:
     return np.asarray(-2 * echo / (1 + echo), np.complex128)
 
 

@@ -90,6 +90,10 @@ class LearnedLaw(Effect):
         """Return the parameters in the law's units."""
         return {name: value / self._scale(name)[0] for name, value in values.items()}
 
+    def physical(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return parameters in the law's units in SI units."""
+        return {name: value * self._scale(name)[0] for name, value in values.items()}
+
     def correction(self, values: Mapping[str, float]) -> Correction:
         """Return the correction with these parameters as a function of frequency in Hz."""
         own, f0, of = self.dimensionless(values), self.reference, self.law.of

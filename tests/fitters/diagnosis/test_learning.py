@@ -15,6 +15,8 @@ from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_of
 from pzctl.fitters.diagnosis.learning.delays import delays_at
 from pzctl.fitters.diagnosis.learning.learned_effect import Learning
+from pzctl.fitters.diagnosis.learning.places import free_places
+from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
@@ -105,6 +107,30 @@ def test_the_delay_of_an_echo_is_read_from_the_residual(bare: Device) -> None:
     null = fitted(problem, (), problem.values, near=True)
     likely = delays_at(null, place, ("disk",), 1e-7, 1e-5)
     assert likely[0].delay == pytest.approx(delay, abs=1 / (4 * F[-1])), "within a quarter of a period"
+
+
+def test_places_of_a_resonance_and_of_an_echo_are_read_from_the_residual(bare: Device) -> None:
+    """Both are too sharp for a smooth correction of any place."""
+    strength, at, q = 0.005, 3.5e6, 40.0
+    place = Place("layer:disk", "permittivity")
+    resonance = learned_law(place, "resonance", bare.bare)
+    device = bare.with_effect(resonance, place.where, {"size": strength, "at": at, "q": q})
+    found = {(one.place, one.law.name): one for one in _sharp(device)}
+    start = resonance.physical(found[place, "resonance"].start)
+    assert start["at"] == pytest.approx(at, rel=0.02)
+    assert start["size"] == pytest.approx(strength, rel=0.5)
+
+    place = Place("face:front", "impedance")
+    echo = learned_law(place, "echo", bare.bare)
+    values = {"size": 0.02 * echo.natural, "delay": 2e-6, "echo": 0.3}
+    echoes = [one for one in _sharp(bare.with_effect(echo, place.where, values)) if one.law.name == "echo"]
+    assert {one.place.where for one in echoes} == {"face:front", "face:back"}, "both faces are alike"
+
+
+def _sharp(device: Device) -> tuple[SharpCorrection, ...]:
+    problem = Problem.of(solve(recorded(device.impedance(F)), lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    return sharp_corrections(problem, null, free_places(problem, null, loads=True))
 
 
 def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
