@@ -146,7 +146,7 @@ class Learning:
             for placed in _likely(places[parent], least):
                 made = learned_laws(self.problem, parent, placed, self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
-            if conclusion.something_left and not _enough(explanations, parent):
+            if unexplained(parent) > LEFT and not _enough(explanations, parent):
                 made = sharp_laws(self.problem, parent, self._plain(parent), self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
         choice = _chosen(explanations)

@@ -252,9 +252,9 @@ def _drawn(
     return PlacedCorrection(place, steps, made, probability, frequency, unit @ a, u_re, u_im)
 
 
-def drawn_law(effect: LearnedLaw, one: Candidate, made: Hypothesis, band: tuple[float, float]) -> PlacedCorrection:
+def drawn_law(effect: LearnedLaw, one: Candidate, made: Hypothesis) -> PlacedCorrection:
     """Return the correction of a fitted law, the last effect of a hypothesis, as a function of frequency."""
-    frequency = np.geomspace(*band, _SHOWN)
+    frequency = np.geomspace(*effect.band, _SHOWN)
     coordinates, x = made.objective.coordinates, made.fit.x
     at = [coordinates.free.index(name) for name in one.parameters]
 

@@ -13,6 +13,7 @@ from ....models.base.arrays import Complexes, Reals
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.laws import Law, laws
 from ....models.effects.learned.learned import LearnedLaw
+from ....models.effects.learned.several import MOST, resonant
 from ...error_model.error_columns import stack_of
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Problem
@@ -24,8 +25,9 @@ _PER_WIDTH = 2.0
 _BEST = 5
 """Budget: number of resonances and of echoes that are fitted; those of several places explain the same to first
 order."""
-_WORTH = 0.5
-"""Part of the squared residual beside the constants that is explained by what is fitted: more than it leaves."""
+_WORTH_ECHO, _WORTH_RESONANCE = 1 / 2, 1 / MOST
+"""Part of the squared residual beside the constants that one must explain: an echo more than it leaves, a resonance as
+much as the largest of `MOST`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +51,20 @@ def sharp_corrections(
     echoes: list[SharpCorrection] = []
     for place, steps in everywhere:
         for law in laws(place.quantity):
-            names = {knob.name for knob in law.parameters}
-            if {"at", "q"} <= names:
-                resonances += _resonance(problem, parent, place, steps, law)
-            elif "delay" in names:
+            if resonant(law):
+                resonances += resonance_at(problem, parent, place, steps, law)
+            elif any(knob.name == "delay" for knob in law.parameters):
                 echoes += _echo(problem, parent, place, steps, law)
-    return (*_best(resonances), *_best(echoes))
+    return (*_best(resonances, _WORTH_RESONANCE), *_best(echoes, _WORTH_ECHO))
 
 
-def _best(found: Sequence[SharpCorrection]) -> list[SharpCorrection]:
+def _best(found: Sequence[SharpCorrection], worth: float) -> list[SharpCorrection]:
     """Return the corrections that explain most, those of one place one after the other."""
     best: dict[Place, float] = {}
     for one in found:
         best[one.place] = max(best.get(one.place, 0.0), one.explained)
     ranked = sorted(found, key=lambda one: (-best[one.place], -one.explained))
-    return [one for one in ranked if one.explained > _WORTH][:_BEST]
+    return [one for one in ranked if one.explained > worth][:_BEST]
 
 
 def _echo(
@@ -80,7 +81,7 @@ def _echo(
     return [SharpCorrection(place, steps, law, likely[0].explained / float(target @ target), {})]
 
 
-def _resonance(
+def resonance_at(
     problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...], law: Law
 ) -> list[SharpCorrection]:
     """Return the resonance of a place that explains most with a positive strength."""

@@ -14,6 +14,7 @@ from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_of
 from pzctl.fitters.diagnosis.learning.delays import delays_at
+from pzctl.fitters.diagnosis.learning.laws import sharp_laws
 from pzctl.fitters.diagnosis.learning.learned_effect import Learning
 from pzctl.fitters.diagnosis.learning.places import free_places
 from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
@@ -125,6 +126,20 @@ def test_places_of_a_resonance_and_of_an_echo_are_read_from_the_residual(bare: D
     values = {"size": 0.02 * echo.natural, "delay": 2e-6, "echo": 0.3}
     echoes = [one for one in _sharp(bare.with_effect(echo, place.where, values)) if one.law.name == "echo"]
     assert {one.place.where for one in echoes} == {"face:front", "face:back"}, "both faces are alike"
+
+
+def test_several_resonances_at_one_place_are_one_law(bare: Device) -> None:
+    """One alone explains so little at each place that no place is told from another."""
+    place = Place("layer:disk", "permittivity")
+    law = learned_law(place, "two-resonances", bare.bare)
+    first, second = {"size": 0.01, "at": 3e6, "q": 30.0}, {"size_2": 0.006, "at_2": 5.5e6, "q_2": 30.0}
+    task = recorded(bare.with_effect(law, place.where, first | second).impedance(F))
+    problem = Problem.of(solve(task, lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    best = max(sharp_laws(problem, null, null), key=lambda one: one.hypothesis.log_evidence)
+    assert (best.effect.place, best.effect.law.name) == (place, "two-resonances")
+    found = {name.rpartition(".")[2]: value for name, value in best.hypothesis.values.items() if "learned" in name}
+    assert found == pytest.approx(first | second, rel=0.02)
 
 
 def _sharp(device: Device) -> tuple[SharpCorrection, ...]:
