@@ -56,3 +56,7 @@ artefact is an error that it may have; one in twenty has more."""
 LEFT = 1.5e-3
 """Rms of ln Z that the imperfections of a good device cause together: weak lines, scatter of thickness, losses that
 change over the band. A larger model error has a cause of its own."""
+FALSE_ALARM = 0.01
+"""Probability below which held-out data contradict what was learned: so many right laws are said to be unproved. A law
+is chosen because it describes the recording; only a prediction can prove it. 1 of 200 was in
+`tests/benchmarks/test_forecasts.py`."""

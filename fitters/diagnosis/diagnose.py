@@ -226,7 +226,7 @@ def _told(
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
-        findings.append(_unknown(final, held_after, left, () if learn else places, found.something_else))
+        findings.append(_unknown(final, held_after, left, () if learn else places, found))
     constants = constants_of(problem, found.final, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
@@ -346,18 +346,20 @@ def _finding(
 
 
 def _unknown(
-    final: Refit, held: float, left: Leftover, places: Sequence[PlacedCorrection], probability: float
+    final: Refit, held: float, left: Leftover, places: Sequence[PlacedCorrection], found: Conclusion
 ) -> Finding:
     likely = [one for one in places[:1] if one.probability > NAMED]
     where = "".join(
         f" Most probably (P = {one.probability:.2f}) it acts on {one.place.says}; `--learn` looks for its law."
         for one in likely
     )
+    unproved = found.forecast.says if found.forecast is not None and found.refuted else None
+    says = unproved or "No effect of the catalogue explains the misfit; find its cause before you use the constants."
     return Finding(
         effect=UNKNOWN,
         where=ANY,
         step=left.step,
-        probability=probability,
+        probability=found.something_else,
         bands_Hz=left.bands_Hz,
         parameters={},
         chi2_per_dof_before=final.chi2_per_dof,
@@ -365,9 +367,7 @@ def _unknown(
         held_out_before=held,
         held_out_after=held,
         alternatives=(),
-        says="No effect of the catalogue explains the misfit; find its cause before you use the constants. "
-        f"{in_words(left)}".rstrip()
-        + where,
+        says=f"{says} {in_words(left)}".rstrip() + where,
     )
 
 

@@ -19,6 +19,7 @@ from ..hypotheses.hypothesis import Hypothesis, probabilities
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
+from ..validation.forecast import Forecast
 from .effect_size import constants_of, largest_of, moves_a_constant, powers_of, sizes_of
 
 Kind = Literal["finding", "remark"]
@@ -53,6 +54,13 @@ class Conclusion:
     """Probability of anything beside the named effects: of another effect, or of what no effect explains."""
     nearest: tuple[Candidate, float] | None
     """The single effect that explains most, and its part of the misfit; None if no effect explains half of it."""
+    forecast: Forecast | None = None
+    """How what was learned predicts held-out data; None if nothing was."""
+
+    @property
+    def refuted(self) -> bool:
+        """Whether held-out data contradict what was learned."""
+        return self.forecast is not None and self.forecast.failed
 
     @property
     def findings(self) -> tuple[NamedEffect, ...]:
@@ -65,7 +73,7 @@ class Conclusion:
         physics = [one for one in self.findings if one.candidate.effect.name != UNKNOWN]
         flawed = len(physics) < len(self.findings)
         if physics:
-            return "partly-explained" if flawed or self.something_left else "explained"
+            return "partly-explained" if flawed or self.something_left or self.refuted else "explained"
         return "unexplained" if flawed or self.something_left else "no-mismatch"
 
 

@@ -32,11 +32,11 @@ def delays_at(
 
     The echo of a medium that ends free: to first order its correction is -2 exp(-j w delay).
     """
-    frequency, slope, J, r = _linearised(parent, place, steps)
+    frequency, slope, J, r = linearised(parent, place, steps)
     return likely_delays(frequency, -slope, J, r, low, high)
 
 
-def _linearised(
+def linearised(
     parent: Hypothesis, place: Place, steps: tuple[str, ...]
 ) -> tuple[Frequencies, Complexes, Complexes, Complexes]:
     """Return frequencies, d ln Z / d correction, derivatives by the coordinates, and ln(Z_model/Z), of valid points."""

@@ -13,12 +13,15 @@ from ....models.effects import EffectParameter
 from ....models.effects.learned.corrections import Place, places
 from ....models.effects.learned.laws import Law, laws
 from ....models.effects.learned.learned import LearnedLaw
+from ....models.effects.learned.several import MOST, numbered, resonant, several
 from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
+from ...error_model.error_sizes import ErrorSizes
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .delays import delays_at
-from .places import PlacedCorrection
+from .places import PlacedCorrection, drawn_law, free_places
+from .sharp import SharpCorrection, resonance_at, sharp_corrections
 
 _TRIALS = 6
 """Start values of a frequency over its range."""
@@ -49,16 +52,81 @@ def learned_laws(
     problem: Problem, parent: Hypothesis, placed: PlacedCorrection, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[LearnedCorrection, ...]:
     """Return the laws fitted at a place in addition to a hypothesis, most probable first."""
-    stack = stack_of(problem.recordings[-1].model)
-    band = float(placed.frequency[0]), float(placed.frequency[-1])
-    made: list[tuple[LearnedLaw, Candidate, Hypothesis]] = []
-    for place, law in _forms(placed.place, stack):
-        effect = LearnedLaw(place, law, stack, band=band)
-        one = Candidate(effect, place.where, placed.steps, effect.effect_parameters(stack, place.where))
+    made: list[_Made] = []
+    for place, law in _forms(placed.place, stack_of(problem.recordings[-1].model)):
+        effect, one = _candidate(problem, place, placed.steps, law)
         progress(f"trying the law {law.name} of {place.says}")
-        best = _fitted(problem, parent, one, _starts(effect, one, placed, parent), placed)
+        sizes = placed.hypothesis.fit.sizes, parent.fit.sizes
+        best = _fitted(problem, parent, one, _starts(effect, one, placed, parent), sizes)
         if best is not None:
             made.append((effect, one, best))
+    return _weighed(placed, made)
+
+
+def sharp_laws(
+    problem: Problem, parent: Hypothesis, residual: Hypothesis, progress: Callable[[str], None] = lambda _: None
+) -> tuple[LearnedCorrection, ...]:
+    """Return resonances and echoes in addition to a hypothesis, at the places where they explain most of a residual."""
+    return tuple(
+        law
+        for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True))
+        for law in _sharp(problem, parent, sharp, progress)
+    )
+
+
+def _sharp(
+    problem: Problem, parent: Hypothesis, sharp: SharpCorrection, progress: Callable[[str], None]
+) -> tuple[LearnedCorrection, ...]:
+    """Return the fit of an echo, or of a resonance and of as many more at its place as evidence asks for."""
+    effect, one = _candidate(problem, sharp.place, sharp.steps, sharp.law)
+    progress(f"trying the law {sharp.law.name} of {sharp.place.says}")
+    start = {one.prefix + name: value for name, value in effect.physical(sharp.start).items()}
+    starts = [(parent.values, start)] if start else [(parent.values, own) for own in _from_periods(effect, one, parent)]
+    best = _fitted(problem, parent, one, starts, (parent.fit.sizes,))
+    if best is None:
+        return ()
+    made = effect, one, best
+    for count in range(2, MOST + 1) if resonant(sharp.law) else ():
+        more = _with_one_more(problem, parent, sharp, made, count)
+        if more is None or more[2].log_evidence <= made[2].log_evidence:
+            break
+        made = more
+    return _weighed(drawn_law(*made), [made])
+
+
+_Made = tuple[LearnedLaw, Candidate, Hypothesis]
+"""A law, where it acts, and its fit."""
+
+
+def _with_one_more(
+    problem: Problem, parent: Hypothesis, sharp: SharpCorrection, made: _Made, count: int
+) -> _Made | None:
+    """Return the fit with one more resonance at the same place, where the fit without it leaves most."""
+    _, before, found = made
+    likely = resonance_at(problem, found, sharp.place, sharp.steps, sharp.law)
+    if found.fit.shortfall == 0 or not likely:
+        return None
+    effect, one = _candidate(problem, sharp.place, sharp.steps, several(sharp.law, count))
+    more = effect.physical({numbered(name, count): value for name, value in likely[0].start.items()})
+    known = {name: found.values[name] for name in before.parameters}
+    start = known | {one.prefix + name: value for name, value in more.items()}
+    values = {name: value for name, value in found.values.items() if name not in known}
+    best = _fitted(problem, parent, one, [(values, start)], (found.fit.sizes, parent.fit.sizes))
+    return None if best is None else (effect, one, best)
+
+
+def _candidate(problem: Problem, place: Place, steps: tuple[str, ...], law: Law) -> tuple[LearnedLaw, Candidate]:
+    """Return a law as an effect of these steps, with its frequencies in their recorded band."""
+    stack = stack_of(problem.recordings[-1].model)
+    ends = [recording.sweep.frequency[[0, -1]] for recording in problem.recordings if recording.step in steps]
+    effect = LearnedLaw(
+        place, law, stack, band=(min(float(end[0]) for end in ends), max(float(end[1]) for end in ends))
+    )
+    return effect, Candidate(effect, place.where, steps, effect.effect_parameters(stack, place.where))
+
+
+def _weighed(placed: PlacedCorrection, made: Sequence[_Made]) -> tuple[LearnedCorrection, ...]:
+    """Return fitted laws of one place with their probabilities, most probable first."""
     if not made:
         return ()
     evidence = np.array([hypothesis.log_evidence for *_, hypothesis in made])
@@ -83,7 +151,7 @@ _Start = tuple[Mapping[str, float], dict[str, float]]
 
 
 def _fitted(
-    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[_Start], placed: PlacedCorrection
+    problem: Problem, parent: Hypothesis, one: Candidate, starts: Sequence[_Start], sizes: Sequence[ErrorSizes]
 ) -> Hypothesis | None:
     """Return the best fit of a law.
 
@@ -92,7 +160,7 @@ def _fitted(
     made: list[Hypothesis] = []
     effects = (*parent.effects, one)
     for values, start in starts:
-        for own in dict.fromkeys((placed.hypothesis.fit.sizes, parent.fit.sizes)):
+        for own in dict.fromkeys(sizes):
             try:
                 once = fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False)
                 made.append(fitted(problem, effects, once.values, (once.fit.sizes,), near=True, rounds=1, tau=False))

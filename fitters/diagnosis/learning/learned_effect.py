@@ -7,6 +7,7 @@ import numpy as np
 
 from ....models.base.errors import PzctlError
 from ....models.effects.learned.laws import laws
+from ....models.effects.learned.learned import NAME
 from ...error_model.error_sizes import ErrorSizes
 from ..decision_rules import LEFT, NAMED
 from ..findings import Alternative
@@ -16,7 +17,8 @@ from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion, NamedEffect, remaining_of
 from ..inference.effect_size import sizes_of
 from ..search.weak_lines import with_weak_lines
-from .laws import LearnedCorrection, learned_laws
+from ..validation.forecast import forecast_of
+from .laws import LearnedCorrection, learned_laws, sharp_laws
 from .places import PlacedCorrection, placed_corrections
 
 _SAID = 0.01
@@ -108,7 +110,16 @@ class Learning:
                 break
             conclusion = found
             found, _ = replace(self, problem=self._beside_lines_of(found.final)).extended(found, [found.final])
-        return found, places
+        return self._validated(found), places
+
+    def _validated(self, conclusion: Conclusion) -> Conclusion:
+        """Return the conclusion with the forecast of held-out data, if a law was learned."""
+        if not any(one.candidate.effect.name == NAME for one in conclusion.named):
+            return conclusion
+        try:
+            return replace(conclusion, forecast=forecast_of(self.problem, conclusion.final))
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return conclusion
 
     def _beside_lines_of(self, one: Hypothesis) -> Problem:
         """Return the problem with the weak lines beside which a hypothesis was fitted."""
@@ -123,13 +134,21 @@ class Learning:
             different.setdefault(one.key, one)
         explanations: list[_Explanation] = []
         places: dict[Hypothesis, tuple[PlacedCorrection, ...]] = {}
-        for one in list(different.values())[:_PARENTS]:
+        for one in sorted(list(different.values())[:_PARENTS], key=lambda one: len(one.effects)):
             parent = self._alone(one)
-            places[parent], least = self._places(parent, conclusion.something_left)
             explanations.append(_Explanation(parent, None, parent))
+            enough = _enough(explanations, parent)
+            if enough:
+                places[parent] = places[enough[0].parent]
+                explanations += self._the_same_beside(parent, enough)
+                continue
+            places[parent], least = self._places(parent, conclusion.something_left)
             for placed in _likely(places[parent], least):
                 made = learned_laws(self.problem, parent, placed, self.progress)
-                explanations += [_Explanation(law.hypothesis, law, parent) for law in made]
+                explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
+            if unexplained(parent) > LEFT and not _enough(explanations, parent):
+                made = sharp_laws(self.problem, parent, self._plain(parent), self.progress)
+                explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
         choice = _chosen(explanations)
         if choice is None or choice.probability < NAMED:
             return conclusion, next(iter(places.values()))
@@ -137,7 +156,23 @@ class Learning:
         problem = self._beside_lines_of(final)
         if not conclusion.something_left and not _better(final, choice.best, _beside(problem, conclusion.final)):
             return conclusion, places[choice.best.parent]
-        return _concluded(problem, conclusion, choice, final), places[choice.best.parent]
+        return _concluded(problem, conclusion, choice, final), _with_its_place(places[choice.best.parent], choice)
+
+    def _the_same_beside(self, parent: Hypothesis, enough: Sequence[_Explanation]) -> list[_Explanation]:
+        """Return the best law that leaves nothing beside fewer effects, fitted beside those of another parent.
+
+        It leaves nothing for a law at another place; whether the further effects are there as well is left to evidence.
+        """
+        best = max(enough, key=lambda one: one.hypothesis.log_evidence)
+        law, known = best.law, best.hypothesis
+        if law is None:
+            return []
+        effects, values = (*parent.effects, law.candidate), {**parent.values, **known.values}
+        try:
+            made = fitted(self.problem, effects, values, (known.fit.sizes, parent.fit.sizes), near=True, tau=False)
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return []
+        return [_Explanation(made, replace(law, hypothesis=made), parent)]
 
     def _alone(self, one: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted without smooth errors of the model, which would absorb what a law describes."""
@@ -186,6 +221,32 @@ def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesi
     if set(one.fit.marginal.lines) == set(problem.lines):
         return one
     return fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=tau)
+
+
+def _with_its_place(places: Sequence[PlacedCorrection], choice: _Choice) -> tuple[PlacedCorrection, ...]:
+    """Return the places of smooth corrections, with that of the best law if it is too sharp to be among them."""
+    own = choice.law.placed
+    if any(one.place == own.place for one in places):
+        return tuple(places)
+    rest = [replace(one, probability=one.probability * (1 - choice.probability)) for one in places]
+    return (replace(own, probability=choice.probability), *rest)
+
+
+def _enough(explanations: Sequence[_Explanation], parent: Hypothesis) -> list[_Explanation]:
+    """Return the laws beside some of a parent's effects that leave no more than noise and the usual errors."""
+    return [
+        one
+        for one in explanations
+        if one.law is not None and one.parent.key <= parent.key and one.hypothesis.fit.shortfall == 0
+    ]
+
+
+def _explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
+    """Return whether a law leaves less than the hypothesis to which it is added.
+
+    One that leaves more has moved the constants to where the device is so sensitive that errors describe anything.
+    """
+    return unexplained(law.hypothesis) <= max(unexplained(parent), LEFT)
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:

@@ -10,7 +10,7 @@ from ....models.base.arrays import Complexes, Frequencies, Reals
 from ....models.base.errors import PzctlError
 from ....models.effects import Device
 from ....models.effects.learned.corrections import Place, places
-from ....models.effects.learned.learned import NAME
+from ....models.effects.learned.learned import NAME, LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
 from ...engine.on_cores import on_cores
@@ -27,6 +27,8 @@ SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)
 """Prior standard deviations of a correction, equally probable."""
 _SHOWN = 60
 """Frequencies at which a correction is drawn."""
+_TINY = 1e-6
+"""Step of a coordinate by which a derivative is taken."""
 _STEP = 0.5
 """Fraction of a linear step from which a nonlinear fit starts: a full step overshoots at a resonance."""
 
@@ -68,8 +70,7 @@ def placed_corrections(
         )
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
-    taken = {one.where for one in parent.effects if one.effect.name == NAME}  # one law is possible at one place
-    everywhere = [(place, steps) for place, steps in _places(problem).items() if place.where not in taken]
+    everywhere = free_places(problem, parent)
     progress(f"trying a correction of each of {len(everywhere)} places")
     trials = on_cores([partial(_screened, problem, parent, *place) for place in everywhere], jobs)
     screened = [(trial, *place) for trial, place in zip(trials, everywhere, strict=True) if trial is not None]
@@ -90,6 +91,22 @@ def placed_corrections(
     return tuple(sorted(drawn, key=lambda one: -one.probability))
 
 
+def free_places(
+    problem: Problem, parent: Hypothesis, *, loads: bool = False
+) -> tuple[tuple[Place, tuple[str, ...]], ...]:
+    """Return every place at which a hypothesis has no law yet, with the steps whose recordings show it.
+
+    One law is possible at one place. `loads`: with the factors of loads, which a smooth correction needs not: a smooth
+    factor of a load is a smooth impedance added to it.
+    """
+    taken = {one.where for one in parent.effects if one.effect.name == NAME}
+    return tuple(
+        (place, steps)
+        for place, steps in _places(problem).items()
+        if place.where not in taken and (loads or place.quantity != "load")
+    )
+
+
 def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
     """Return every place with the steps whose recordings show it."""
     steps: dict[Place, list[str]] = {}
@@ -101,8 +118,6 @@ def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
         for place in places(device.bare):
             if place.where == "face:front" and recording.step != last:
                 continue  # buried by the next step
-            if place.quantity == "load":
-                continue  # a smooth factor of a load is a smooth impedance added to it
             own = steps.setdefault(place, [])
             if recording.step not in own:
                 own.append(recording.step)
@@ -233,9 +248,33 @@ def _drawn(
     unit = np.stack([effect.size * basis.over(frequency, row) for row in np.eye(a.size)], axis=1)
     scale = np.array([_width(made, k) for k in at])
     columns = unit * scale
-    u_re = np.sqrt(np.maximum(np.einsum("km,mn,kn->k", columns.real, covariance, columns.real), 0))
-    u_im = np.sqrt(np.maximum(np.einsum("km,mn,kn->k", columns.imag, covariance, columns.imag), 0))
+    u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
     return PlacedCorrection(place, steps, made, probability, frequency, unit @ a, u_re, u_im)
+
+
+def drawn_law(effect: LearnedLaw, one: Candidate, made: Hypothesis) -> PlacedCorrection:
+    """Return the correction of a fitted law, the last effect of a hypothesis, as a function of frequency."""
+    frequency = np.geomspace(*effect.band, _SHOWN)
+    coordinates, x = made.objective.coordinates, made.fit.x
+    at = [coordinates.free.index(name) for name in one.parameters]
+
+    def correction(x: Reals) -> Complexes:
+        values, _ = coordinates.forward(x)
+        own = {knob.name: values[name] for name, knob in zip(one.parameters, one.effect_parameters, strict=True)}
+        return effect.correction(own)(frequency)
+
+    here = correction(x)
+    columns = np.stack([(correction(x + _TINY * np.eye(x.size)[k]) - here) / _TINY for k in at], axis=1)
+    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
+    u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
+    quantity = "impedance" if effect.place.quantity == "load" else effect.place.quantity
+    place = Place(effect.place.where, quantity)
+    return PlacedCorrection(place, one.steps, made, 0.0, frequency, here, u_re, u_im)
+
+
+def _spread(columns: Reals, covariance: Reals) -> Reals:
+    """Return the standard uncertainty of a curve from the derivatives by its coefficients, shape (K, M)."""
+    return np.asarray(np.sqrt(np.maximum(np.einsum("km,mn,kn->k", columns, covariance, columns), 0)), np.float64)
 
 
 def _width(made: Hypothesis, k: int) -> float:

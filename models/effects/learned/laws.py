@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.arrays import Complexes, Reals
 from ..base.effect import EffectParameter
@@ -80,7 +81,15 @@ def _echo(x: Reals, values: Values) -> Complexes:
 
 
 def _inner_echo(x: Reals, values: Values) -> Complexes:
-    echo = values["size"] * np.exp(-2j * np.pi * x * values["delay"])
+    return _standing(values["size"] * np.exp(-2j * np.pi * x * values["delay"]))
+
+
+def _fading_echo(x: Reals, values: Values) -> Complexes:
+    """Return the factor of a medium of constant Q that ends free: its attenuation is proportional to frequency."""
+    return _standing(values["size"] ** x * np.exp(-2j * np.pi * x * values["delay"]))
+
+
+def _standing(echo: NDArray[np.inexact]) -> Complexes:
     return np.asarray(-2 * echo / (1 + echo), np.complex128)
 
 
@@ -184,6 +193,12 @@ _OF_LOAD = (
         (EffectParameter("size", "1", 0.1, upper=0.95, prior=(0.2, 1.0)), _DELAY),
         _inner_echo,
         "an echo of {size} after {delay}",
+    ),
+    Law(
+        "fading-echo",
+        (EffectParameter("size", "1", 0.1, upper=0.95, prior=(0.2, 1.0)), _DELAY),
+        _fading_echo,
+        "an echo after {delay} that fades towards high frequency, {size} at the reference",
     ),
 )
 """The load z becomes z (1 - e)/(1 + e), e the echo from the far end of a layer with the impedance of the load."""

@@ -14,6 +14,7 @@ from ..base.effect import Effect, EffectParameter
 from ..base.scale import resonance
 from .corrections import CONSTANTS, Correction, Place, corrected, natural_size, places
 from .laws import Law, laws
+from .several import laws_of_several
 
 NAME = "learned"
 _INSIDE = 1.01
@@ -80,7 +81,7 @@ class LearnedLaw(Effect):
     def _scale(self, name: str) -> tuple[float, str]:
         """Return the value of a parameter for which the law has 1, and its unit."""
         scales = {"size": (self.natural, self.unit), "at": (self.reference, "Hz"), "delay": (1 / self.reference, "s")}
-        return scales.get(name, (1.0, "1"))
+        return scales.get(name.partition("_")[0], (1.0, "1"))
 
     def sentence(self, where: str, sizes: Mapping[str, tuple[float, float, str]]) -> str:
         """Return the sentence on the learned law, with its numbers."""
@@ -89,6 +90,10 @@ class LearnedLaw(Effect):
     def dimensionless(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters in the law's units."""
         return {name: value / self._scale(name)[0] for name, value in values.items()}
+
+    def physical(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return parameters in the law's units in SI units."""
+        return {name: value * self._scale(name)[0] for name, value in values.items()}
 
     def correction(self, values: Mapping[str, float]) -> Correction:
         """Return the correction with these parameters as a function of frequency in Hz."""
@@ -139,6 +144,9 @@ def learned_law(place: Place, name: str, stack: Stack, reference: float = 0.0) -
 def find_law(place: Place, name: str) -> Law:
     """Return a law that the quantity of a place may follow. Raises PzctlError."""
     known = {law.name: law for law in laws(place.quantity)}
+    several = {law.name: law for law in laws_of_several(place.quantity)}
+    if name in several:
+        return several[name]
     if name not in known:
         raise PzctlError(f"{place.where}: there is no law {name!r} for {place.says}; {among(name, list(known))}")
     return known[name]

@@ -12,7 +12,12 @@ from pzctl.daemon.files.builds.effects_writing import append_effects
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
+from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_of
 from pzctl.fitters.diagnosis.learning.delays import delays_at
+from pzctl.fitters.diagnosis.learning.laws import sharp_laws
+from pzctl.fitters.diagnosis.learning.learned_effect import Learning
+from pzctl.fitters.diagnosis.learning.places import free_places
+from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
@@ -66,6 +71,19 @@ def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: D
     assert diagnosis.final.held_out < 1.3
 
 
+def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_not_looked_for(bare: Device) -> None:
+    f, said = np.linspace(1.5e6, 7.5e6, 41), list[str]()
+    task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 5e-9, f)
+    problem = Problem.of(solve(task, lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    resistance = _candidate(find_effect("series-resistance"), "terminals", bare.bare)
+    imitated = fitted(problem, (resistance,), problem.values)
+    nothing = Conclusion(null, null, (), remaining_of(null), something_left=True, something_else=1.0, nearest=None)
+    found, _ = Learning(problem, said.append).extended(nothing, [imitated, null])
+    assert [(one.effect.name, one.where) for one in found.final.effects] == [("learned", "terminals")]
+    assert sum(one.startswith("trying a correction") for one in said) == 1
+
+
 def _candidate(effect: Effect, where: str, stack: Stack) -> Candidate:
     return Candidate(effect, where, ("disk",), effect.effect_parameters(stack, where))
 
@@ -90,6 +108,44 @@ def test_the_delay_of_an_echo_is_read_from_the_residual(bare: Device) -> None:
     null = fitted(problem, (), problem.values, near=True)
     likely = delays_at(null, place, ("disk",), 1e-7, 1e-5)
     assert likely[0].delay == pytest.approx(delay, abs=1 / (4 * F[-1])), "within a quarter of a period"
+
+
+def test_places_of_a_resonance_and_of_an_echo_are_read_from_the_residual(bare: Device) -> None:
+    """Both are too sharp for a smooth correction of any place."""
+    strength, at, q = 0.005, 3.5e6, 40.0
+    place = Place("layer:disk", "permittivity")
+    resonance = learned_law(place, "resonance", bare.bare)
+    device = bare.with_effect(resonance, place.where, {"size": strength, "at": at, "q": q})
+    found = {(one.place, one.law.name): one for one in _sharp(device)}
+    start = resonance.physical(found[place, "resonance"].start)
+    assert start["at"] == pytest.approx(at, rel=0.02)
+    assert start["size"] == pytest.approx(strength, rel=0.5)
+
+    place = Place("face:front", "impedance")
+    echo = learned_law(place, "echo", bare.bare)
+    values = {"size": 0.02 * echo.natural, "delay": 2e-6, "echo": 0.3}
+    echoes = [one for one in _sharp(bare.with_effect(echo, place.where, values)) if one.law.name == "echo"]
+    assert {one.place.where for one in echoes} == {"face:front", "face:back"}, "both faces are alike"
+
+
+def test_several_resonances_at_one_place_are_one_law(bare: Device) -> None:
+    """One alone explains so little at each place that no place is told from another."""
+    place = Place("layer:disk", "permittivity")
+    law = learned_law(place, "two-resonances", bare.bare)
+    first, second = {"size": 0.01, "at": 3e6, "q": 30.0}, {"size_2": 0.006, "at_2": 5.5e6, "q_2": 30.0}
+    task = recorded(bare.with_effect(law, place.where, first | second).impedance(F))
+    problem = Problem.of(solve(task, lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    best = max(sharp_laws(problem, null, null), key=lambda one: one.hypothesis.log_evidence)
+    assert (best.effect.place, best.effect.law.name) == (place, "two-resonances")
+    found = {name.rpartition(".")[2]: value for name, value in best.hypothesis.values.items() if "learned" in name}
+    assert found == pytest.approx(first | second, rel=0.02)
+
+
+def _sharp(device: Device) -> tuple[SharpCorrection, ...]:
+    problem = Problem.of(solve(recorded(device.impedance(F)), lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    return sharp_corrections(problem, null, free_places(problem, null, loads=True))
 
 
 def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:

@@ -96,14 +96,31 @@ def test_the_simplest_laws_at_the_terminals_equal_catalogue_effects(quantity, la
     assert learned.reference == resonance(GLUED)
 
 
-def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length() -> None:
+@pytest.mark.parametrize(("law", "fades"), [("echo", 0.0), ("fading-echo", 1.0)])
+def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length(law: str, fades: float) -> None:
     echo, delay = 0.3, 1.7e-6
-    learned = learned_law(Place("face:back", "load"), "echo", GLUED)
+    decay = -fades * float(np.log(echo))
+    learned = learned_law(Place("face:back", "load"), law, GLUED)
     found = Device(GLUED).with_effect(learned, "face:back", {"size": echo, "delay": delay}).impedance(F)
-    finite = FiniteBackingLoad(GLUED.back, strength=echo, delay=delay, decay=0.0, reference=1e6, loss=0.0)
+    finite = FiniteBackingLoad(
+        GLUED.back, strength=echo, delay=delay, decay=decay, reference=learned.reference, loss=0.0
+    )
     np.testing.assert_allclose(found, replace(GLUED, back=finite).impedance(F), rtol=1e-9)
     in_air = replace(GLUED, back=AIR)
     assert Place("face:back", "load") not in places(in_air), "a face in air has no load for an echo to run in"
+
+
+def test_two_resonances_are_the_sum_of_both_in_numbers_and_in_words() -> None:
+    place = Place("layer:disk", "permittivity")
+    one, two = (learned_law(place, name, GLUED) for name in ("resonance", "two-resonances"))
+    first, second = {"size": 0.01, "at": 3e6, "q": 30.0}, {"size": 0.006, "at": 5e6, "q": 20.0}
+    both = first | {f"{name}_2": value for name, value in second.items()}
+    total = one.correction(first)(F) + one.correction(second)(F)
+    np.testing.assert_allclose(two.correction(both)(F), total, rtol=1e-12)
+    units = {knob.name: knob.unit for knob in two.effect_parameters(GLUED, place.where)}
+    assert (units["at_2"], units["size_2"]) == ("Hz", "1")
+    says = two.sentence(place.where, {name: (value, 0.1 * value, units[name]) for name, value in both.items()})
+    assert says.startswith("The permittivity of disk resonates at 3.0(3)e6 Hz with strength 0.0100(10) and Q 30(3) and")
 
 
 def test_a_relaxation_is_looked_for_within_the_recorded_band() -> None:
