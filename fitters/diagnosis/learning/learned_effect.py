@@ -146,7 +146,7 @@ class Learning:
             for placed in _likely(places[parent], least):
                 made = learned_laws(self.problem, parent, placed, self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
-            if unexplained(parent) > LEFT and not _enough(explanations, parent):
+            if parent.unexplained > LEFT and not _enough(explanations, parent):
                 made = sharp_laws(self.problem, parent, self._plain(parent), self.progress)
                 explanations += [_Explanation(law.hypothesis, law, parent) for law in made if _explains(law, parent)]
         choice = _chosen(explanations)
@@ -246,7 +246,7 @@ def _explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
 
     One that leaves more has moved the constants to where the device is so sensitive that errors describe anything.
     """
-    return unexplained(law.hypothesis) <= max(unexplained(parent), LEFT)
+    return law.hypothesis.unexplained <= max(parent.unexplained, LEFT)
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:
