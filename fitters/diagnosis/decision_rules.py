@@ -17,7 +17,7 @@ NAMED = 0.5
 CLASS = 0.9
 """Correlation of two effects, after projecting out constants and errors, from which they count as look-alikes."""
 CLASS_NATS = 3.0
-"""Difference of ln evidence within which a recording does not distinguish two look-alikes (odds of twenty)."""
+"""Difference of ln evidence within which a recording does not distinguish two explanations (odds of twenty)."""
 SOFT, WORTH = 10.0, 3.0
 """Gain in ln likelihood from which an effect is fitted: when the whole residual counts as noise, and beside an error
 model. The prior odds against an effect are about as much."""

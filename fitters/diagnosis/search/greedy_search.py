@@ -13,6 +13,7 @@ from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
 from ..decision_rules import (
+    CLASS_NATS,
     FITTED_FIRST,
     FITTED_LATER,
     MOST,
@@ -50,6 +51,8 @@ class _Plan:
     """Whether errors have the first of these sizes."""
     others: tuple[Mapping[str, float], ...] = ()
     """Further values from which it may start."""
+    compared: bool = False
+    """Whether its evidence has to settle; a first fit only shows whether it is worth while."""
     about: Corrections | None = None
     """Corrections about which the errors of a fit are linear that ended at `values`."""
 
@@ -57,7 +60,7 @@ class _Plan:
     def after(cls, one: Hypothesis, sizes: tuple[ErrorSizes, ...], rounds: int = 3, *, fixed: bool = False) -> Self:
         """Return the continuation of a fit."""
         about = one.fit.minimum.corrections
-        return cls(one.effects, one.values, sizes, near=True, rounds=rounds, fixed=fixed, about=about)
+        return cls(one.effects, one.values, sizes, near=True, rounds=rounds, fixed=fixed, compared=True, about=about)
 
 
 @dataclass(eq=False)
@@ -185,14 +188,13 @@ class GreedySearch:
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
-        """Return the hypotheses to extend: the best one, and the best one with the likeliest single effect.
+        """Return the hypotheses to extend: the best ones, and the best one with the likeliest single effect.
 
-        While even the best leaves more than the usual errors, further hypotheses that may yet win are included.
+        Those that are as good as the best one, and while even that leaves more than the usual errors, those that may
+        yet win.
         """
-        short = self.best.fit.shortfall
-        within = NEAR * self.best.coarseness
-        ahead = self.ranked[: PARENTS if short > NEAR else 1]
-        near = [one for one in ahead if one.log_weight > self.best.log_weight - within]
+        within = (NEAR if self.best.fit.shortfall > NEAR else CLASS_NATS) * self.best.coarseness
+        near = [one for one in self.ranked[:PARENTS] if one.log_weight > self.best.log_weight - within]
         likely = [one for one in self.ranked if self._likely in one.effects][:1]
         return [
             one
@@ -282,6 +284,7 @@ class GreedySearch:
                 fast=self._fast,
                 fixed=plan.fixed,
                 others=plan.others,
+                compared=plan.compared,
                 about=plan.about,
             )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
