@@ -1,7 +1,11 @@
-"""Help as it is shown: the lines of a paragraph flow, brackets are shown, and an option without a value has no type."""
+"""Help as it is shown: the lines of a paragraph flow, brackets are shown, and an option without a value has no type.
+
+What is wrong with a value is said without a programmer's words.
+"""
 
 from typing import Any
 
+import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 
@@ -12,6 +16,14 @@ class Command(TyperCommand):
         """Take what a command takes."""
         super().__init__(*words, **options)
         _prepare(self)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of a command line."""
+        try:
+            return super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            error.message = error.message.removeprefix("Value error, ")
+            raise
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return options and arguments."""

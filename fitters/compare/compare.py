@@ -11,6 +11,7 @@ from ...models.build import Build
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import NAMED
 from ..diagnosis.findings import Remaining
+from ..interface import TaskError
 from .answer.change_findings import findings_of, turned_in_file
 from .answer.limits import limits, repeatability
 from .answer.shifts import resonance_shifts
@@ -41,6 +42,8 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep], build: Build | None
     """
     began = time.monotonic()
     pair = pair_of(before, after)
+    if np.array_equal(pair.before, pair.after):
+        raise TaskError("before and after hold the same numbers, noise included: one recording is given twice")
     poles = fitted_poles(pair.frequency, pair.before, pair.noise_before)
     own = resonances_of(poles, pair.frequency, pair.before)
     after_poles = fitted_poles(pair.frequency, pair.after, pair.noise_after, poles)

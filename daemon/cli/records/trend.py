@@ -122,7 +122,7 @@ def _series(
             points.setdefault(row["constant"], []).append((float(x), row["re"], row["u_re"] or 0.0, row["unit"]))
     missing = [name for name in names if name not in points]
     if missing or not points:
-        what = f"constant {missing[0]!r}" if missing else "no fit"
+        what = f"no fit has constant {missing[0]!r}" if missing else "nothing was fitted"
         raise UnknownSampleError(
             f"sample {sample!r}: {what} with {against} noted; note it with `pzctl measure --temperature`, or --note"
         )

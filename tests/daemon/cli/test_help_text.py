@@ -37,3 +37,9 @@ def test_a_help_is_easy_to_read(words: tuple[str, ...]) -> None:
 
 def test_brackets_are_shown() -> None:
     assert re.search(r"default: \[limits\] of the build file", shown("measure"))
+
+
+def test_a_value_that_is_none_of_several_is_refused_in_plain_words() -> None:
+    done = CliRunner().invoke(app, ["diagnose", "--hold-out", "x", "disk=a.csv"], env={"COLUMNS": "200"})
+    assert done.exit_code == 2
+    assert "Invalid value for '--hold-out': 'x' is not one of 'bands', 'repeats', 'overtones'" in done.stderr

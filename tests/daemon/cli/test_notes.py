@@ -182,8 +182,8 @@ def test_constants_against_temperature(tmp_path: Path, monkeypatch: pytest.Monke
     assert "library's a1" in table
     assert "disk.kt" not in table, "it is the same at all temperatures"
     for words, sentence in (
-        (["disk.c33"], "constant 'disk.c33' with temperature_C noted"),
-        (["disk.c33D", "--against", "jig"], "constant 'disk.c33D' with jig noted"),
+        (["disk.c33"], "no fit has constant 'disk.c33' with temperature_C noted"),
+        (["disk.c33D", "--against", "jig"], "no fit has constant 'disk.c33D' with jig noted"),
     ):
         assert sentence in str(run("trend", "S1", *words).exception)
 

@@ -171,3 +171,8 @@ def test_recordings_without_a_common_band_are_refused_in_a_sentence() -> None:
     f = np.linspace(2e6, 3e6, 201)
     with pytest.raises(TaskError, match=r"share no band: before is 800000-1.4e\+06 Hz, after is 2e\+06-3e\+06 Hz"):
         compare([recorded(device(), 1)], [recorded(device(f), 2, f)])
+
+
+def test_one_recording_given_twice_is_refused_in_a_sentence() -> None:
+    with pytest.raises(TaskError, match="hold the same numbers, noise included: one recording is given twice"):
+        compare([recorded(device(), 1)], [recorded(device(), 1)])

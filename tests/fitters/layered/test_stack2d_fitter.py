@@ -62,7 +62,7 @@ layers = ["disk", "glue1", "ml1"]
 DISK = Ceramic2D("disk", replace(TENSOR, c11E=1.02 * TENSOR.c11E, c33E=0.98 * TENSOR.c33E), 1.001e-3, 7700.0)
 GLUE = Isotropic("glue1", 18e-6, 2.5e6, 2250.0, 11.0, 0.37)
 MATCHING = Isotropic("ml1", 0.302e-3, 10.5e6, 2420.0, 50.0, 0.32)
-F = np.linspace(0.4e6, 2.2e6, 41)
+F = np.linspace(0.4e6, 2.2e6, 31)
 
 
 def recorded(*layers, seed=0):
