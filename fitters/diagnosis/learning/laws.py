@@ -21,7 +21,7 @@ from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .delays import delays_at
 from .places import PlacedCorrection, drawn_law, free_places
-from .sharp import SharpCorrection, resonance_at, sharp_corrections
+from .sharp import SharpCorrection, resonance_at, sharp_corrections, worth_of_resonance
 
 _TRIALS = 6
 """Start values of a frequency over its range."""
@@ -104,7 +104,7 @@ def _with_one_more(
     """Return the fit with one more resonance at the same place, where the fit without it leaves most."""
     _, before, found = made
     likely = resonance_at(problem, found, sharp.place, sharp.steps, sharp.law)
-    if found.fit.shortfall == 0 or not likely:
+    if found.fit.shortfall == 0 or not likely or likely[0].explained < worth_of_resonance(count):
         return None
     effect, one = _candidate(problem, sharp.place, sharp.steps, several(sharp.law, count))
     more = effect.physical({numbered(name, count): value for name, value in likely[0].start.items()})

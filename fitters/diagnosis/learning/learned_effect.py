@@ -224,11 +224,12 @@ def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesi
 
 
 def _with_its_place(places: Sequence[PlacedCorrection], choice: _Choice) -> tuple[PlacedCorrection, ...]:
-    """Return the places of smooth corrections, with that of the best law if it is too sharp to be among them."""
+    """Return the places of smooth corrections, with that of the best law in front if it was found by its sharpness."""
     own = choice.law.placed
-    if any(one.place == own.place for one in places):
+    if any(one is own for one in places):
         return tuple(places)
-    rest = [replace(one, probability=one.probability * (1 - choice.probability)) for one in places]
+    others = (one for one in places if one.place != own.place)
+    rest = [replace(one, probability=one.probability * (1 - choice.probability)) for one in others]
     return (replace(own, probability=choice.probability), *rest)
 
 
