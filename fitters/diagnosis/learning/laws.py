@@ -67,11 +67,13 @@ def sharp_laws(
     problem: Problem, parent: Hypothesis, residual: Hypothesis, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[LearnedCorrection, ...]:
     """Return resonances and echoes in addition to a hypothesis, at the places where they explain most of a residual."""
-    return tuple(
-        law
-        for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True))
-        for law in _sharp(problem, parent, sharp, progress)
-    )
+    found: list[LearnedCorrection] = []
+    for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True)):
+        try:
+            found += _sharp(problem, parent, sharp, progress)
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            continue
+    return tuple(found)
 
 
 def _sharp(

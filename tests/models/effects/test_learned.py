@@ -110,6 +110,22 @@ def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length(law: str
     assert Place("face:back", "load") not in places(in_air), "a face in air has no load for an echo to run in"
 
 
+def test_two_corrections_of_one_interface_act_together() -> None:
+    """To first order, both change the device as each alone does."""
+    compliance, inertia = (place for place in places(GLUED) if place.quantity in ("compliance", "inertia"))
+    Z = GLUED.impedance(F)
+
+    def change(*at: Place) -> np.ndarray:
+        device = Device(GLUED)
+        for place in at:
+            law = learned_law(place, "resistance", GLUED)
+            device = device.with_effect(law, place.where, {"size": 1e-5 * law.natural})
+        return np.log(device.impedance(F) / Z)
+
+    for first, second in ((compliance, compliance), (compliance, inertia)):
+        np.testing.assert_allclose(change(first, second), change(first) + change(second), atol=1e-6)
+
+
 def test_two_resonances_are_the_sum_of_both_in_numbers_and_in_words() -> None:
     place = Place("layer:disk", "permittivity")
     one, two = (learned_law(place, name, GLUED) for name in ("resonance", "two-resonances"))
