@@ -229,7 +229,7 @@ def _with_its_place(places: Sequence[PlacedCorrection], choice: _Choice) -> tupl
     if any(one is own for one in places):
         return tuple(places)
     others = (one for one in places if one.place != own.place)
-    rest = [replace(one, probability=one.probability * (1 - choice.probability)) for one in others]
+    rest = [replace(one, probability=one.probability * max(0.0, 1 - choice.probability)) for one in others]
     return (replace(own, probability=choice.probability), *rest)
 
 
