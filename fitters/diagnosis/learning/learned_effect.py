@@ -247,7 +247,12 @@ def _explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
 
     One that leaves more has moved the constants to where the device is so sensitive that errors describe anything.
     """
-    return unexplained(law.hypothesis) <= max(unexplained(parent), LEFT)
+    return _left(law.hypothesis) <= max(_left(parent), LEFT)
+
+
+def _left(one: Hypothesis) -> float:
+    """Return the rms of ln Z that a model leaves without any errors."""
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(one.fit.left_by_the_model)) ** 2)))
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:
