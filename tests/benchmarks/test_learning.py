@@ -21,7 +21,7 @@ def test_three_resonances_of_a_permittivity_are_learned_as_one_law() -> None:
     assert (diagnosis.verdict, finding.effect, finding.where) == ("explained", "learned", "layer:disk")
     found = sorted(finding.parameters[name].value for name in ("at", "at_2", "at_3"))
     np.testing.assert_allclose(found, [at for at, _ in lines], rtol=1e-3)
-    assert diagnosis.effects[0].quantity == "permittivity"
+    assert diagnosis.effects[0].quantity == diagnosis.places[0].quantity == "permittivity"
 
 
 def test_a_law_takes_the_place_of_what_only_imitates_it() -> None:

@@ -21,7 +21,7 @@ from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .delays import delays_at
 from .places import PlacedCorrection, drawn_law, free_places
-from .sharp import SharpCorrection, resonance_at, sharp_corrections
+from .sharp import SharpCorrection, resonance_at, sharp_corrections, worth_of_resonance
 
 _TRIALS = 6
 """Start values of a frequency over its range."""
@@ -67,11 +67,13 @@ def sharp_laws(
     problem: Problem, parent: Hypothesis, residual: Hypothesis, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[LearnedCorrection, ...]:
     """Return resonances and echoes in addition to a hypothesis, at the places where they explain most of a residual."""
-    return tuple(
-        law
-        for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True))
-        for law in _sharp(problem, parent, sharp, progress)
-    )
+    found: list[LearnedCorrection] = []
+    for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True)):
+        try:
+            found += _sharp(problem, parent, sharp, progress)
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            continue
+    return tuple(found)
 
 
 def _sharp(
@@ -104,7 +106,7 @@ def _with_one_more(
     """Return the fit with one more resonance at the same place, where the fit without it leaves most."""
     _, before, found = made
     likely = resonance_at(problem, found, sharp.place, sharp.steps, sharp.law)
-    if found.fit.shortfall == 0 or not likely:
+    if found.fit.shortfall == 0 or not likely or likely[0].explained < worth_of_resonance(count):
         return None
     effect, one = _candidate(problem, sharp.place, sharp.steps, several(sharp.law, count))
     more = effect.physical({numbered(name, count): value for name, value in likely[0].start.items()})

@@ -224,11 +224,12 @@ def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesi
 
 
 def _with_its_place(places: Sequence[PlacedCorrection], choice: _Choice) -> tuple[PlacedCorrection, ...]:
-    """Return the places of smooth corrections, with that of the best law if it is too sharp to be among them."""
+    """Return the places of smooth corrections, with that of the best law in front if it was found by its sharpness."""
     own = choice.law.placed
-    if any(one.place == own.place for one in places):
+    if any(one is own for one in places):
         return tuple(places)
-    rest = [replace(one, probability=one.probability * (1 - choice.probability)) for one in places]
+    others = (one for one in places if one.place != own.place)
+    rest = [replace(one, probability=one.probability * max(0.0, 1 - choice.probability)) for one in others]
     return (replace(own, probability=choice.probability), *rest)
 
 
@@ -246,7 +247,12 @@ def _explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
 
     One that leaves more has moved the constants to where the device is so sensitive that errors describe anything.
     """
-    return law.hypothesis.unexplained <= max(parent.unexplained, LEFT)
+    return _left(law.hypothesis) <= max(_left(parent), LEFT)
+
+
+def _left(one: Hypothesis) -> float:
+    """Return the rms of ln Z that a model leaves without any errors."""
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(one.fit.left_by_the_model)) ** 2)))
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:

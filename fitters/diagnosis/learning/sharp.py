@@ -25,9 +25,8 @@ _PER_WIDTH = 2.0
 _BEST = 5
 """Budget: number of resonances and of echoes that are fitted; those of several places explain the same to first
 order."""
-_WORTH_ECHO, _WORTH_RESONANCE = 1 / 2, 1 / MOST
-"""Part of the squared residual beside the constants that one must explain: an echo more than it leaves, a resonance as
-much as the largest of `MOST`."""
+_WORTH_ECHO = 1 / 2
+"""Part of the squared residual beside the constants that an echo must explain: more than it leaves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,15 @@ def sharp_corrections(
                 resonances += resonance_at(problem, parent, place, steps, law)
             elif any(knob.name == "delay" for knob in law.parameters):
                 echoes += _echo(problem, parent, place, steps, law)
-    return (*_best(resonances, _WORTH_RESONANCE), *_best(echoes, _WORTH_ECHO))
+    return (*_best(resonances, worth_of_resonance(1)), *_best(echoes, _WORTH_ECHO))
+
+
+def worth_of_resonance(k: int) -> float:
+    """Return the part of the squared residual that resonance number `k` of a place must explain.
+
+    Of those that may still come, it is the largest: it explains more than if what is left were shared by one more.
+    """
+    return 1 / (MOST - k + 2)
 
 
 def _best(found: Sequence[SharpCorrection], worth: float) -> list[SharpCorrection]:

@@ -114,7 +114,6 @@ def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
     if place.quantity in CONSTANTS:
         return assembly.each_stack(lambda stack: _with_constant(stack, place, g))
     size = acoustic_impedance(assembly.nominal)
-    part = CorrectedInterface(place.quantity == "compliance", size, g)
     _, before = interface_at(place.where)
 
     def joined(stack: Stack) -> Stack:
@@ -122,6 +121,8 @@ def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
         if before not in names:
             return stack
         k = names.index(before)
+        others = sum(isinstance(layer, CorrectedInterface) for layer in stack.layers)
+        part = CorrectedInterface(place.quantity == "compliance", size, g, f"correction {others + 1}")
         return replace(stack, layers=(*stack.layers[:k], part, *stack.layers[k:]))
 
     return assembly.each_stack(joined)
@@ -179,7 +180,7 @@ class CorrectedInterface(Joins):
     size: float
     """Rayl."""
     g: Correction
-    name: str = "correction"
+    name: str
 
     def parameters(self) -> dict[str, float]:
         """Return nothing: the function's parameters belong to an effect."""

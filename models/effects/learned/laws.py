@@ -94,6 +94,8 @@ def _standing(echo: NDArray[np.inexact]) -> Complexes:
 
 
 _EXPONENT = _shape("exponent", 0.02, 0.95, 0.2)
+_RISING = _shape("exponent", 0.02, 1.5, 0.2)
+"""Of a stiffness: the loss of a viscous solid is proportional to frequency, and below 2 a power dissipates."""
 _SPREAD, _SKEW = _shape("spread", 0.2, 1.0, 0.7), _shape("skew", 0.2, 1.0, 0.7)
 _Q = _shape("q", 1.0, 300.0, 10.0)
 _DELAY = _shape("delay", 0.2, 50.0, 2.0)
@@ -128,7 +130,7 @@ def _with_sign(sign: float, power: _Function, ending: str) -> tuple[Law, ...]:
     return (
         Law(
             f"power{ending}",
-            (_size(), _EXPONENT),
+            (_size(), _RISING if sign < 0 else _EXPONENT),
             from_reference(power, 1.0),
             "follows a power law with exponent {exponent}",
         ),

@@ -73,7 +73,7 @@ def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: D
 
 def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_not_looked_for(bare: Device) -> None:
     f, said = np.linspace(1.5e6, 7.5e6, 41), list[str]()
-    task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 5e-9, f)
+    task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 2e-8, f)
     problem = Problem.of(solve(task, lambda _: None), None)
     null = fitted(problem, (), problem.values)
     resistance = _candidate(find_effect("series-resistance"), "terminals", bare.bare)

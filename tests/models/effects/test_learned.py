@@ -110,6 +110,30 @@ def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length(law: str
     assert Place("face:back", "load") not in places(in_air), "a face in air has no load for an echo to run in"
 
 
+def test_two_corrections_of_one_interface_act_together() -> None:
+    """To first order, both change the device as each alone does."""
+    compliance, inertia = (place for place in places(GLUED) if place.quantity in ("compliance", "inertia"))
+    Z = GLUED.impedance(F)
+
+    def change(*at: Place) -> np.ndarray:
+        device = Device(GLUED)
+        for place in at:
+            law = learned_law(place, "resistance", GLUED)
+            device = device.with_effect(law, place.where, {"size": 1e-5 * law.natural})
+        return np.log(device.impedance(F) / Z)
+
+    for first, second in ((compliance, compliance), (compliance, inertia)):
+        np.testing.assert_allclose(change(first, second), change(first) + change(second), atol=1e-6)
+
+
+def test_the_loss_of_a_viscous_solid_is_a_power_law_of_exponent_one() -> None:
+    """Its loss is proportional to frequency, and its stiffness does not depend on it (Kelvin and Voigt)."""
+    (power,) = (law for law in laws("stiffness") if law.name == "power")
+    x = np.geomspace(0.1, 10.0, 30)
+    np.testing.assert_allclose(power.of(x, {"size": 0.01, "exponent": 1.0}), 0.01j * (x - 1), atol=1e-12)
+    assert power.parameters[1].upper > 1
+
+
 def test_two_resonances_are_the_sum_of_both_in_numbers_and_in_words() -> None:
     place = Place("layer:disk", "permittivity")
     one, two = (learned_law(place, name, GLUED) for name in ("resonance", "two-resonances"))
