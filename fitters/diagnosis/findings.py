@@ -67,7 +67,8 @@ class Remaining:
     instrument: float
     """Part of it that the instrument's own error accounts for, with the residual of the fixture."""
     device: float | None = None
-    """Part of imperfections that every device has: losses that change over the band, weak resonances."""
+    """Part of imperfections that every device has, losses that change over the band and weak resonances, and of errors of the
+    effects' formulas."""
     constants: float | None = None
     """Part of smooth errors of the model, as changes of its constants over frequency."""
     noise: float | None = None
@@ -83,7 +84,7 @@ class Remaining:
         """What is left as a sentence, largest part first."""
         parts = {
             "instrument and fixture": self.instrument,
-            "losses that change over the band and weak resonances": self.device,
+            "losses that change over the band, weak resonances and formulas of effects": self.device,
             "smooth errors of the model": self.constants,
             "noise": self.noise,
         }
