@@ -67,8 +67,8 @@ class Remaining:
     instrument: float
     """Part of it that the instrument's own error accounts for, with the residual of the fixture."""
     device: float | None = None
-    """Part of imperfections that every device has (losses that change over the band, weak resonances) and of errors of the
-    effects' formulas."""
+    """Part of imperfections that every device has (losses that change over the band, weak resonances), and of errors of
+    the effects' formulas."""
     constants: float | None = None
     """Part of smooth errors of the model, as changes of its constants over frequency."""
     noise: float | None = None
