@@ -149,10 +149,12 @@ class MarginalFit:
 
     @cached_property
     def deviations(self) -> dict[Part, tuple[float, int]]:
-        """By part of the instrument's error: sum of squares of its standardised coefficients, and their number."""
+        """By part of the instrument's error: sum of squares of its coefficients, and their number.
+
+        They are in units of what is specified: the analyzer's accuracy, a fixture's usual residue, a value's tolerance.
+        """
         columns = self.gram.columns
-        scale = columns.scaled(self.sizes.of_columns())
-        z = self.gram.coefficients(self.sizes) / np.where(scale > 0, scale, 1.0)
+        scale, z = columns.scaled(self.sizes.of_columns()), self.gram.coefficients(self.sizes)
         made: dict[Part, tuple[float, int]] = {}
         for name in _NOT_OF_THE_MODEL:
             own = np.array([part == name for part in columns.parts], dtype=bool) & (scale > 0)
