@@ -373,7 +373,7 @@ def _unknown(
 
 def _with_errors(curves: Sequence[Curve], found: Conclusion) -> tuple[Curve, ...]:
     """Return the curves with the most probable errors of instrument and device, if the recordings have any."""
-    if found.remaining.errors <= (found.remaining.noise or 0.0):
+    if not found.remaining.erring:
         return tuple(curves)
     left = taken_up(found.final.fit).left
     return tuple(
@@ -383,13 +383,12 @@ def _with_errors(curves: Sequence[Curve], found: Conclusion) -> tuple[Curve, ...
 
 def _says(verdict: Verdict, findings: Sequence[Finding], remaining: Remaining | None) -> tuple[str, ...]:
     """Return the verdict, a sentence for each finding, and what is left where that is more than noise."""
-    erring = remaining is not None and remaining.errors > (remaining.noise or 0.0)
-    usual = " and the usual errors of instrument and device" if erring else ""
+    left = (remaining.says,) if remaining is not None and remaining.erring else ()
+    usual = " and the usual errors of instrument and device" if left else ""
     first = {
         "no-mismatch": f"Model and recording agree to within the noise{usual}.",
         "explained": f"Model and recording differ; the effects found{usual} explain the whole difference.",
         "partly-explained": "Model and recording differ; the effects found explain most of the difference, not all.",
         "unexplained": "Model and recording differ, and no effect of the catalogue explains the difference.",
     }[verdict]
-    found = [f"{finding.effect} at {finding.where}: {finding.says}" for finding in findings]
-    return (first, *found, *([remaining.says] if remaining is not None and erring else []))
+    return (first, *(f"{finding.effect} at {finding.where}: {finding.says}" for finding in findings), *left)

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-
 from ...models.build import EffectSpec
 from ..interface import Constant, Curve
 from .data_quality.data_issues import DataCheck
@@ -75,9 +73,10 @@ class Remaining:
     """What none of these explains: noise, and rough errors of the model."""
 
     @property
-    def errors(self) -> float:
-        """Root sum of squares of the errors of instrument, device and model."""
-        return float(np.sqrt(sum((part or 0.0) ** 2 for part in (self.instrument, self.device, self.constants))))
+    def erring(self) -> bool:
+        """Whether the errors of instrument, device and model together are larger than what is left as noise."""
+        errors = sum((part or 0.0) ** 2 for part in (self.instrument, self.device, self.constants))
+        return errors > (self.noise or 0.0) ** 2
 
     @property
     def says(self) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammainccinv
+from scipy.special import chdtri
 
 from ...models.base.arrays import Complexes, Reals
 from .error_columns import ErrorColumns
@@ -143,7 +143,7 @@ def _plausible(squares: float, count: int) -> float:
 
     More is not its own: a wire of 9 nH is no residual of a compensated fixture.
     """
-    limit = 2 * float(gammainccinv(count / 2, _ONE_IN_TWENTY))  # of a chi-squared sum
+    limit = float(chdtri(count, _ONE_IN_TWENTY))
     return min(1.0, float(np.sqrt(limit / max(squares, limit))))
 
 

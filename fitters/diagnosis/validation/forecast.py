@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from ...error_model.error_sizes import ErrorSizes, Held
 from ...error_model.marginal_fit import MarginalFit, fit
@@ -99,4 +99,4 @@ def _by_chance(added: float, held_out: int, of_all: int) -> float:
     Biometrics Bulletin 2 (1946) 110).
     """
     freedom = 2 / (2 / max(1, held_out) + spread_of_variance(of_all / 2) ** 2)
-    return float(chi2.sf(max(0.0, added) * freedom, freedom))
+    return float(chdtrc(freedom, max(0.0, added) * freedom))
