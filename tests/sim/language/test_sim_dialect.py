@@ -203,7 +203,7 @@ def test_a_bus_trigger_starts_each_sweep(wire):
 
 
 def test_an_external_trigger_comes_from_the_bench(lab, wire):
-    wire.say("TRGS EXT;SING")
+    assert wire.ask("TRGS EXT;SING;TRGS?") == "EXT", "the sweep waits before the bench, another connection, triggers it"
     lab.bench("trigger")
     assert wire.ask("*OPC?") == "1"
     assert np.all(wire.impedance() != 0)

@@ -69,7 +69,7 @@ def test_the_connection_is_lost_and_can_be_made_again(lab):
 def test_power_fails_in_the_middle_of_a_sweep(lab_with):
     lab = lab_with(time_scale=0.05)
     wire = lab.wire()
-    wire.say("*RST;BWFACT 5;POIN 51;STAR 1 MHZ;STOP 2 MHZ;SING")
+    assert wire.ask("*RST;BWFACT 5;POIN 51;STAR 1 MHZ;STOP 2 MHZ;SING;POIN?") == "51"
     lab.bench("fault", kind="power-cycle", seconds=0.0)
     wire.say("*OPC?")
     assert wire.line() == "", "cut off without an answer"
@@ -82,7 +82,7 @@ def test_power_fails_in_the_middle_of_a_sweep(lab_with):
 def test_a_front_panel_change_during_a_sweep(lab_with):
     lab = lab_with(time_scale=0.02)
     wire = lab.wire()
-    wire.say("*RST;*CLS;BWFACT 5;POIN 51;STAR 1 MHZ;STOP 2 MHZ;SING")
+    assert wire.ask("*RST;*CLS;BWFACT 5;POIN 51;STAR 1 MHZ;STOP 2 MHZ;SING;POIN?") == "51"
     lab.bench("fault", kind="meddle", message="POIN 7")
     assert wire.ask("*OPC?") == "1", "the sweep begins anew and ends"
     assert wire.impedance().size == 7
