@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -22,9 +23,12 @@ _CLOSE = 0.02
 """Decrease of minus twice ln density below which a fit has converged; no decision depends on a fiftieth."""
 _LINEAR = 0.1
 """Part of chi2 that corrections of constants may leave beyond first order."""
-_SETTLED, _FURTHER = 0.5, 4
-"""Change of ln evidence in a round below which a fit has converged, a fifth of the smallest that decides; number
-of further rounds until then, at most."""
+_SETTLED, _FURTHER = 3.0, 4
+"""Change of ln evidence in a round below which a fit has converged, a tenth of the smallest that decides beside errors
+of instrument or model; number of further rounds until then, at most."""
+_RELAXATION = 0.5
+"""Part of the way to the minimum with columns of where it began: the minimum with those of where it ends may lie on the
+other side, and so on for ever."""
 _DAMPED, _RELAXED = 10.0, 0.1
 _WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
@@ -199,23 +203,57 @@ def fit(
         starts = tuple(own.at(name, 0.0) for own in starts)
     sizes = starts[0]
     order = [name for name in ORDER if (fast or name != "fast") and name not in never]
-    made = marginal.gram(x, marginal.columns(x, fast=fast))
-    converged, before = False, np.inf
+    now = _Round.before(marginal, x, sizes, fast)
+    converged, held, before = False, False, np.inf
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
-        if not fixed:
+        if not (fixed or held):
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
-            sizes, _ = chosen(made, (*again, *starts, rough_guess(made)), order, all_starts=k == 0)
-        x, steps = _down(marginal, x, Held.of(made.columns, sizes))
-        marginal, remainder = _recorrected(marginal, x, made, sizes)
-        made = marginal.gram(x, marginal.columns(x, fast=fast))
-        value = made.value(sizes)
-        exact = fixed and sizes.exact  # without errors evidence depends on no columns
-        converged = steps < _STEPS and (exact or abs(value.log_evidence - before) < _SETTLED)
-        if (k >= rounds - 1 and converged) or (k > 0 and steps <= 1 and remainder < _LINEAR):
+            sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
+        last, now = now, now.next(sizes, fast, part=_RELAXATION if held else 1.0)
+        if k > 0 and now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
+            # The quadratic expansion by which they were chosen promised more than it kept.
+            now, sizes, held = last, last.sizes, True
+            continue
+        exact = (fixed or held) and sizes.exact  # without errors evidence depends on no columns
+        converged = now.steps < _STEPS and (exact or abs(now.log_evidence - before) < _SETTLED)
+        if (k >= rounds - 1 and converged) or (k > 0 and now.steps <= 1 and now.remainder < _LINEAR):
             break
-        before = value.log_evidence
-    return MarginalFit(marginal, Minimum(x, sizes, fast, converged, marginal.corrections), made, made.value(sizes))
+        before = now.log_evidence
+    minimum = Minimum(now.x, sizes, fast, converged, now.marginal.corrections)
+    return MarginalFit(now.marginal, minimum, now.made, now.made.value(sizes))
+
+
+@dataclass(frozen=True, eq=False)
+class _Round:
+    """A descent with sizes and columns of the errors fixed, and what is the case where it ended."""
+
+    marginal: Marginal
+    """About the most probable corrections there."""
+    x: Reals
+    sizes: ErrorSizes
+    made: Gram
+    steps: int = _STEPS
+    remainder: float = np.inf
+    """Part of chi2 that the corrections leave beyond first order."""
+
+    @classmethod
+    def before(cls, marginal: Marginal, x: Reals, sizes: ErrorSizes, fast: bool) -> Self:
+        """Return where the first round begins."""
+        return cls(marginal, x, sizes, marginal.gram(x, marginal.columns(x, fast=fast)))
+
+    def next(self, sizes: ErrorSizes, fast: bool, part: float) -> Self:
+        """Descend with these sizes of the errors, and go this part of the way."""
+        x, steps = _down(self.marginal, self.x, Held.of(self.made.columns, sizes))
+        x = self.x + part * (x - self.x)
+        marginal, remainder = _recorrected(self.marginal, x, self.made, sizes)
+        made = marginal.gram(x, marginal.columns(x, fast=fast))
+        return type(self)(marginal, x, sizes, made, steps, remainder)
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Logarithm of the marginal likelihood where it ended."""
+        return self.made.value(self.sizes).log_evidence
 
 
 def _recorrected(marginal: Marginal, x: Reals, made: Gram, sizes: ErrorSizes) -> tuple[Marginal, float]:

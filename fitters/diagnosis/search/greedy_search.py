@@ -78,6 +78,7 @@ class GreedySearch:
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
     _likely: Candidate | None = None
     _fine: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
+    _continued: set[Hypothesis] = field(default_factory=set[Hypothesis])
     _grown: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
 
     @property
@@ -316,12 +317,11 @@ class GreedySearch:
             self._fit([_Plan(self.best.effects, self.best.values, (ErrorSizes(),), near=True, fixed=True)])
         for _ in range(UNFINISHED):
             best = self.best
-            if best.fit.converged:
+            if best.fit.converged or best in self._continued:
                 break
+            self._continued.add(best)
             exact = best.fit.sizes.exact  # a fit that chose errors again would end elsewhere
             self._fit([_Plan.after(best, _restart(best), rounds=4, fixed=exact)])
-            if self.best is best:
-                break
 
     def _may_be_exact(self, one: Hypothesis) -> bool:
         """Return whether a fit has errors that it may not need: without any, evidence counts in full."""
