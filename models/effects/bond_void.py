@@ -80,7 +80,8 @@ def _free(part: ParallelSection, where: str) -> ParallelSection:
     kept = stack.layers[: names.index(before)] if to_front else stack.layers[names.index(behind) + 1 :]
     cut = replace(stack, layers=kept, front=AIR) if to_front else replace(stack, layers=kept, back=AIR)
     still = {f"{side}.{name}": 0.0 for name in AIR.parameters()}
-    return replace(part, stack=cut, scale={**part.scale, **still})
+    strips = part.strips if part.strips is not None and part.strips.layer in {layer.name for layer in kept} else None
+    return replace(part, stack=cut, scale={**part.scale, **still}, strips=strips)
 
 
 EFFECT = BondVoid()

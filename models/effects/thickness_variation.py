@@ -1,21 +1,25 @@
 """`thickness-variation`: faces that are not parallel, or a distribution of thickness over the area."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from ..base.arrays import Reals
-from ..stack import Stack
+from ..stack import Stack, Strips
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.scale import active
 
-_STRIPS = (7, 9, 12, 17, 23, 33, 46, 65)
+_FEWEST, _MOST = 7, 65
+"""Number of strips, at least and at most."""
 _NEARLY = 1e-7
 """Tolerated relative error of the mean over the face; determines the number of strips."""
 _WEDGE, _ARCHED = 1.0, 0.6
 """Shape of a wedge, and of faces that are mostly far from the mean; at 1/2 the quadrature is singular."""
+_STEP = 1e-4
+"""Half step of the derivative by the shape; its error is of the order of its square."""
 _THIN = 0.1
 """In units of the disk's thickness: a glue line varies by tens of per cent, ground layers by one."""
 _WIDEST = 0.95
@@ -59,24 +63,20 @@ class ThicknessVariation(Effect):
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as parallel strips."""
-        name, w = f"{layer_at(where)}.thickness", _half_range(values)
+        w, shape = _half_range(values), values["shape"]
         if w == 0:
             return assembly
 
-        def strips(part: ParallelSection) -> list[ParallelSection]:
-            t0 = part.stack.parameters()[name]
-            nodes, weights = _gauss(_strips(part.stack, w), values["shape"])
-            factors = (1 + w * nodes).tolist()
-            stacks = part.stack.of_thicknesses(layer_at(where), [t0 * factor for factor in factors])
-            own = part.scale.get(name, 1.0)
-            return [
-                ParallelSection(
-                    part.fraction * weight, stack, {**part.scale, name: own * factor}, part.linked_parameters
-                )
-                for factor, weight, stack in zip(factors, weights.tolist(), stacks, strict=True)
-            ]
+        def varied(part: ParallelSection) -> list[ParallelSection]:
+            nodes, weights = _gauss(_strips(part.stack, w), shape)
+            moved_by = {
+                f"{self.name}@{where}.variance": lambda: (_by_variance(values) * nodes, np.zeros_like(weights)),
+                f"{self.name}@{where}.shape": lambda: _by_shape(values, nodes.size),
+            }
+            strips = Strips(layer_at(where), 1 + w * nodes, weights, moved_by)
+            return [replace(one, strips=strips) for one in part.each_strip()]
 
-        return assembly.split(strips)
+        return assembly.split(varied)
 
 
 def _half_range(values: Mapping[str, float]) -> float:
@@ -84,12 +84,26 @@ def _half_range(values: Mapping[str, float]) -> float:
     return min(_WIDEST, float(np.sqrt((2 * values["shape"] + 1) * values["variance"])))
 
 
+def _by_variance(values: Mapping[str, float]) -> float:
+    """Return the derivative of w by the variance."""
+    w = _half_range(values)
+    return 0.0 if w == _WIDEST else (2 * values["shape"] + 1) / (2 * w)
+
+
+def _by_shape(values: Mapping[str, float], n: int) -> tuple[Reals, Reals]:
+    """Return the derivatives of n factors and weights by the shape, at a fixed variance."""
+    w, shape = _half_range(values), values["shape"]
+    (nodes, weights), (further, heavier) = _gauss(n, shape - _STEP), _gauss(n, shape + _STEP)
+    of_w = 0.0 if w == _WIDEST else values["variance"] / w
+    return of_w * (nodes + further) / 2 + w * (further - nodes) / (2 * _STEP), (heavier - weights) / (2 * _STEP)
+
+
 def _strips(stack: Stack, w: float) -> int:
     """Return the number of strips: Gauss's error falls by rho^2 with each, rho by the distance of the poles."""
     c33D = active(stack).c33D
     away = c33D.imag / (2 * c33D.real * w)
     needed = -np.log(_NEARLY) / (2 * np.arcsinh(max(away, 1e-3)))
-    return next((n for n in _STRIPS if n >= needed), _STRIPS[-1])
+    return min(max(int(np.ceil(needed)), _FEWEST), _MOST)
 
 
 @lru_cache(maxsize=64)

@@ -21,7 +21,7 @@ from .loss_laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLo
 from .lumps import Mass, Spring
 from .radiation import Piston
 from .stack import Layer, Stack
-from .strips import parallel_admittance, parallel_jacobian
+from .strips import Strips
 
 __all__ = [
     "AIR",
@@ -43,8 +43,7 @@ __all__ = [
     "Spring",
     "Stack",
     "StackError",
+    "Strips",
     "Support",
-    "parallel_admittance",
-    "parallel_jacobian",
     "viscous",
 ]

@@ -45,8 +45,6 @@ class Stack:
         default_factory=list[tuple[Frequencies, Network]], init=False, repr=False, compare=False
     )
     """One-entry cache of the network: callers evaluate the same stack repeatedly at the same frequencies."""
-    varied: "tuple[Stack, int] | None" = field(default=None, init=False, repr=False, compare=False)
-    """The stack from which this one differs in the thickness of one layer, and the layer's index."""
 
     def __post_init__(self) -> None:
         require_positive("stack", area=self.area)
@@ -102,28 +100,6 @@ class Stack:
         replaced = type(self)(layers, back, front, area, self.connection, bolt)
         vars(replaced)["names"] = self.names  # they stay the same
         return replaced
-
-    def of_thicknesses(self, name: str, thicknesses: Sequence[float]) -> list[Self]:
-        """Return the stack with a layer of each of these thicknesses, m, all positive.
-
-        Everything else was checked with this stack and is shared with it, so that hundreds of them cost little.
-        """
-        k = next(k for k, layer in enumerate(self.layers) if layer.name == name)
-        before, own, after = self.layers[:k], self.layers[k], self.layers[k + 1 :]
-        varied: list[Self] = []
-        origin = self, k
-        for thickness in thicknesses:
-            layer, stack = object.__new__(type(own)), object.__new__(type(self))
-            vars(layer).update(vars(own), thickness=thickness)
-            vars(stack).update(vars(self), layers=(*before, layer, *after), _asked=[], varied=origin)
-            varied.append(stack)
-        return varied
-
-    @staticmethod
-    def varied_layer(stacks: "Sequence[Stack]") -> int | None:
-        """Return the index of the layer in which these differ, if one call of `of_thicknesses` made them."""
-        first = stacks[0].varied
-        return first[1] if first is not None and all(stack.varied is first for stack in stacks) else None
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""

@@ -5,7 +5,7 @@ different parts of the face); an additional resonance adds admittance; an effect
 analyzer sees; an effect of the sweep maps that to what is recorded over time.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, runtime_checkable
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...base.model import Model
-from ...stack import LossLaw, Stack, parallel_admittance, parallel_jacobian
+from ...stack import LossLaw, Stack, Strips
 from ...stack.loss_laws import LawKind
 
 
@@ -52,16 +52,59 @@ class ParallelSection:
     """d (parameter of this stack) / d (parameter of the device), if it is not 1."""
     linked_parameters: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     """Parameters of this stack that change with one of the device, for a layer that an effect has cut in two."""
+    strips: Strips | None = None
+    """Distribution of a layer's thickness over this part."""
 
     def moved_by(self, names: Sequence[str]) -> list[tuple[int, str, float]]:
-        """Return (position in `names`, parameter of this stack, its derivative) for all that `names` change."""
+        """Return (position in `names`, parameter of this part, its derivative) for all that `names` change."""
         own = self.stack.names
         return [
             (k, moved, self.scale.get(moved, 1.0))
             for k, name in enumerate(names)
             for moved in (name, *self.linked_parameters.get(name, ()))
-            if moved in own
+            if moved in own or moved in self.shaped_by
         ]
+
+    @property
+    def shaped_by(self) -> Collection[str]:
+        """Parameters of the distribution of thickness."""
+        return () if self.strips is None else self.strips.moved_by
+
+    def each_strip(self) -> "Sequence[ParallelSection]":
+        """Return the strips as parts of their own."""
+        if self.strips is None:
+            return (self,)
+        name = f"{self.strips.layer}.thickness"
+        t, own = self.stack.parameters()[name], self.scale.get(name, 1.0)
+        return [
+            ParallelSection(
+                self.fraction * fraction,
+                self.stack.replace({name: t * factor}),
+                {**self.scale, name: own * factor},
+                self.linked_parameters,
+            )
+            for factor, fraction in zip(self.strips.factors.tolist(), self.strips.fractions.tolist(), strict=True)
+        ]
+
+    def admittance(self, frequency: Frequencies) -> Complexes:
+        """Return its share of the admittance, S, shape (N,)."""
+        if self.strips is None:
+            return self.fraction / self.stack.impedance(frequency)
+        return self.fraction * self.strips.admittance(self.stack, frequency)
+
+    def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Complexes, Complexes]:
+        """Return the same, and d Y / d parameter of the device, shape (P, N); 0 for what does not change it."""
+        moved = self.moved_by(names)
+        own = [name for _, name, _ in moved]
+        if self.strips is None:
+            Z, dlnZ = self.stack.jacobian(frequency, own)
+            whole, slopes = 1 / Z, -dlnZ / Z
+        else:
+            whole, slopes = self.strips.jacobian(self.stack, frequency, own)
+        by_name = np.zeros((len(names), frequency.size), np.complex128)
+        for row, (k, _, scale) in zip(slopes, moved, strict=True):
+            by_name[k] += self.fraction * scale * row
+        return self.fraction * whole, by_name
 
 
 @runtime_checkable
@@ -113,6 +156,11 @@ class Assembly:
     def each_stack(self, change: Callable[[Stack], Stack]) -> Self:
         """Return the assembly with every stack changed."""
         return replace(self, parts=tuple(replace(part, stack=change(part.stack)) for part in self.parts))
+
+    @property
+    def shaped_by(self) -> frozenset[str]:
+        """Parameters of distributions of thickness, by which `steady_jacobian` gives derivatives, too."""
+        return frozenset(name for part in self.parts for name in part.shaped_by)
 
     def each_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
         """Return the assembly with one law of a layer changed, if the device is no stack (else see `each_stack`)."""
@@ -166,8 +214,8 @@ class Assembly:
                 return known
         if self.whole is not None:
             return self._kept(frequency, 1 / self.whole.impedance(frequency))
-        stacks, fractions = [part.stack for part in self.parts], [part.fraction for part in self.parts]
-        return self._kept(frequency, parallel_admittance(stacks, fractions, frequency))
+        within = sum((part.admittance(frequency) for part in self.parts), np.zeros(frequency.size, np.complex128))
+        return self._kept(frequency, within)
 
     def _kept(self, frequency: Frequencies, within: Complexes) -> Complexes:
         """Keep the device's admittance for what is asked next."""
@@ -193,8 +241,8 @@ class Assembly:
         if self.whole is not None:
             own, by_name = self.whole.jacobian(frequency, names)
             within, slope = self._kept(frequency, 1 / own).copy(), -by_name / own
-        for alike in _alike(self.parts):
-            admittance, by_name = _admittance_slopes(alike, frequency, names)
+        for part in self.parts:
+            admittance, by_name = part.jacobian(frequency, names)
             within += admittance
             slope += by_name
         seen: Impedances = 1 / (self._beside(frequency, jw) + within)
@@ -207,37 +255,3 @@ class Assembly:
 
 Record = Callable[[Assembly, Frequencies, Impedances], Impedances]
 """Maps (device, Hz, steady Z) to the impedance recorded during a sweep; shapes (N,)."""
-
-
-def _alike(parts: Sequence[ParallelSection]) -> list[list[ParallelSection]]:
-    """Group the parts whose stacks have the same layers and loads, with the same parameters linked."""
-    groups: dict[tuple[object, ...], list[ParallelSection]] = {}
-    for part in parts:
-        names = tuple(layer.name for layer in part.stack.layers)
-        key = (names, part.stack.back, part.stack.front, id(part.linked_parameters))
-        groups.setdefault(key, []).append(part)
-    return list(groups.values())
-
-
-def _admittance_slopes(
-    parts: Sequence[ParallelSection], frequency: Frequencies, names: Sequence[str]
-) -> tuple[Complexes, Complexes]:
-    """Return the admittance of parts with the same layers, S, shape (N,), and d Y / d parameter, shape (P, N)."""
-    moved = [part.moved_by(names) for part in parts]
-    own = [name for _, name, _ in moved[0]]
-    slope = np.zeros((len(names), frequency.size), np.complex128)
-    if len(parts) > 1:
-        scale = np.array([[size for *_, size in its] for its in moved])
-        fractions = np.array([part.fraction for part in parts])
-        together = parallel_jacobian([part.stack for part in parts], fractions, frequency, own, scale)
-        if together is not None:
-            for (k, *_), row in zip(moved[0], together[1], strict=True):
-                slope[k] += row
-            return together[0], slope
-    within = np.zeros(frequency.size, np.complex128)
-    for part, its in zip(parts, moved, strict=True):
-        Z, dlnZ = part.stack.jacobian(frequency, own)
-        within += part.fraction / Z
-        for row, (k, _, scale) in zip(dlnZ, its, strict=True):
-            slope[k] -= part.fraction * scale / Z * row
-    return within, slope

@@ -123,11 +123,12 @@ class Device:
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N).
 
-        Exact for the model's parameters; a difference quotient for effects' parameters, on the allowed side of a limit.
+        Exact for the model's parameters and those of a distribution of thickness; a difference quotient for others of
+        effects, on the allowed side of a limit.
         Effects of the sweep are small, so derivatives by other parameters are those of the steady device.
         """
         require(names, self.parameters(), "the device")
-        inner = self.bare.parameters()
+        inner = {*self.bare.parameters(), *self._assembly.shaped_by}
         steady, slopes = self._assembly.steady_jacobian(frequency, [name for name in names if name in inner])
         Z = self._assembly.while_recorded(frequency, steady)
         rows = iter(slopes)

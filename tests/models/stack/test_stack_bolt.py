@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from pzctl.models.stack import VACUUM, Bolt, Elastic, HalfSpace, Piezo, Stack, StackError, parallel_admittance
+from pzctl.models.stack import VACUUM, Bolt, Elastic, HalfSpace, Piezo, Stack, StackError
 
 AREA, DENSITY, LENGTH = 2e-4, 7700.0, 2e-3
 C33D, H33, EPS33S = 1.5e11 * (1 + 0.012j), 1.95e9 * (1 + 0.002j), 8.4e-9 * (1 - 0.015j)
@@ -67,12 +67,6 @@ def test_derivatives_are_those_of_the_impedance(
         step = 1e-5 * abs(values[name])
         up, down = (np.log(stack.replace({name: values[name] + sign * step}).impedance(f)) for sign in (1, -1))
         np.testing.assert_allclose((up - down) / (2 * step), slope, atol=2e-6 * np.abs(slope).max())
-
-
-def test_strips_of_several_thicknesses_have_the_bolt_too() -> None:
-    stacks = [SANDWICH.replace({"ring1.thickness": t}) for t in (1.99e-3, 2e-3, 2.02e-3)]
-    expected = sum(1 / stack.impedance(F) for stack in stacks) / 3
-    np.testing.assert_allclose(parallel_admittance(stacks, [1 / 3] * 3, F), expected, rtol=1e-10)
 
 
 def test_a_bolt_without_one_of_its_layers_does_not_act_and_one_without_stiffness_is_refused() -> None:
