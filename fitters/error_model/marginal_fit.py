@@ -211,8 +211,8 @@ def fit(
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
         last, now = now, now.next(sizes, fast, part=_RELAXATION if held else 1.0)
-        if k > 0 and now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
-            # The quadratic expansion by which they were chosen promised more than it kept.
+        if now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
+            # The quadratic expansion by which these were chosen promised more than it kept.
             now, sizes, held = last, last.sizes, True
             continue
         exact = (fixed or held) and sizes.exact  # without errors evidence depends on no columns
@@ -244,11 +244,17 @@ class _Round:
 
     def next(self, sizes: ErrorSizes, fast: bool, part: float) -> Self:
         """Descend with these sizes of the errors, and go this part of the way."""
-        x, steps = _down(self.marginal, self.x, Held.of(self.made.columns, sizes))
-        x = self.x + part * (x - self.x)
+        held = Held.of(self.made.columns, sizes)
+        x, steps = _down(self.marginal, self.x, held)
+        between = self.x + part * (x - self.x)
+        if part < 1 and self._here(held, between) < self._here(held, self.x):
+            x = between
         marginal, remainder = _recorrected(self.marginal, x, self.made, sizes)
         made = marginal.gram(x, marginal.columns(x, fast=fast))
         return type(self)(marginal, x, sizes, made, steps, remainder)
+
+    def _here(self, held: Held, x: Reals) -> float:
+        return held.here(self.marginal.residuals(x), self.marginal.against(x))
 
     @cached_property
     def log_evidence(self) -> float:

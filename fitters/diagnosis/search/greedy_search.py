@@ -312,6 +312,7 @@ class GreedySearch:
             if not again:
                 break
             self._fine.update(one.key for one in again)
+            self._continued.update(one for one in again if not one.fit.sizes.exact)
             self._fit([_Plan.after(one, _restart(one), rounds=4) for one in again])
         if self._may_be_exact(self.best):
             self._fit([_Plan(self.best.effects, self.best.values, (ErrorSizes(),), near=True, fixed=True)])
@@ -379,7 +380,8 @@ def _extrapolated(one: Hypothesis) -> float:
 
 def _restart(one: Hypothesis) -> tuple[ErrorSizes, ...]:
     """Return the sizes of errors from which a fit is continued: other ones if it has not converged with its own."""
-    return (one.fit.sizes,) if one.fit.converged else (ErrorSizes(colour=one.fit.sizes.colour),)
+    own = one.fit.sizes
+    return (own,) if one.fit.converged else (own, ErrorSizes(colour=own.colour))
 
 
 def _apart(promises: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
