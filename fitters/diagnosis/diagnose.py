@@ -22,6 +22,7 @@ from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
 from .hypotheses.problem import Candidate, Problem
 from .inference import finite_diameter as lateral
+from .inference.averaged_constants import averaged_constants
 from .inference.conclusion import Conclusion, NamedEffect, conclude
 from .inference.data_findings import of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, parameters_of
@@ -227,7 +228,7 @@ def _told(
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
         findings.append(_unknown(final, held_after, left, () if learn else places, found))
-    constants = constants_of(problem, found.final, coarse)
+    constants = averaged_constants(problem, found.final, search.ranked, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
     remaining = scores(problem, choice, final.objective, final.descent.x)

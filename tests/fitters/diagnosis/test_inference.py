@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from pzctl.fitters.diagnosis import decision_rules
 from pzctl.fitters.diagnosis.data_quality.data_gates import Gated
 from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
+from pzctl.fitters.diagnosis.inference.averaged_constants import averaged_constants
 from pzctl.fitters.diagnosis.inference.conclusion import conclude
 from pzctl.fitters.diagnosis.inference.data_findings import of_the_data, verdict_with, where_disturbed
 from pzctl.fitters.diagnosis.inference.effect_size import (
@@ -71,6 +73,21 @@ def test_constants_are_correct_only_with_the_effect(lead_case) -> None:
         assert abs(own.re - true[f"disk.{name}.re"]) < 4 * own.u_re, name
     assert moves_a_constant(wrong, right)
     assert not moves_a_constant(right, right)
+
+
+def test_doubt_about_what_is_present_widens_the_uncertainties(lead_case) -> None:
+    problem, best, null = lead_case.problem, lead_case.search.best, lead_case.search.found[frozenset()]
+    as_good = replace(null, log_odds=null.log_odds + best.log_weight - null.log_weight)
+    part, other = probabilities([best, as_good])
+    assert 0.01 < other < 0.99
+    alone, there = constants_of(problem, best), constants_of(problem, null)
+    averaged = averaged_constants(problem, best, [best, as_good])
+    for name, own in averaged.items():
+        if alone[name].u_re:
+            mean = part * alone[name].u_re ** 2 + other * (there[name].u_re ** 2 + (there[name].re - own.re) ** 2)
+            assert own.u_re == pytest.approx(np.sqrt(mean))
+            assert own.re == alone[name].re
+    assert averaged_constants(problem, best, [best]) == alone
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3), st.booleans())
