@@ -27,8 +27,9 @@ from .inference.data_findings import of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, parameters_of
 from .inference.stated_effects import stated
 from .inference.undetectable import not_decidable
+from .learning.drawn_corrections import PlacedCorrection
 from .learning.learned_effect import Learning
-from .learning.places import PlacedCorrection, placed_corrections
+from .learning.places import placed_corrections
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
 from .search.score_test import scores

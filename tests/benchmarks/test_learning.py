@@ -33,3 +33,13 @@ def test_a_law_takes_the_place_of_what_only_imitates_it() -> None:
     assert diagnosis.findings[0].probability > 0.9
     assert diagnosis.verdict == "explained"
     assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("layer:disk", "permittivity")
+
+
+def test_two_laws_at_one_place_are_learned_one_after_the_other() -> None:
+    """A conductance across a contact. First the contact is learned, beside a fault of the phase; then its cause."""
+    f = np.linspace(1.5e6, 7.5e6, 61)
+    Z = stack_of(BUILD, BUILD.step("disk")).impedance(f) + 4.0
+    diagnosis = diagnose(recorded(1 / (1 / Z + 4e-3), f), effects=("polarity",), learn=True)
+    assert diagnosis.verdict == "explained"
+    laws = [(one.where, one.quantity, one.law) for one in diagnosis.effects]
+    assert laws == [("terminals", "series", "resistance"), ("terminals", "shunt", "resistance")]

@@ -20,7 +20,8 @@ from ...error_model.error_sizes import ErrorSizes
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .delays import delays_at
-from .places import PlacedCorrection, drawn_law, free_places
+from .drawn_corrections import PlacedCorrection, drawn_law
+from .places import all_places, learned_in, number_at
 from .sharp import SharpCorrection, resonance_at, sharp_corrections, worth_of_resonance
 
 _TRIALS = 6
@@ -54,7 +55,9 @@ def learned_laws(
     """Return the laws fitted at a place in addition to a hypothesis, most probable first."""
     made: list[_Made] = []
     for place, law in _forms(placed.place, stack_of(problem.recordings[-1].model)):
-        effect, one = _candidate(problem, place, placed.steps, law)
+        if _has(problem, parent, place, law):
+            continue
+        effect, one = _candidate(problem, parent, place, placed.steps, law)
         progress(f"trying the law {law.name} of {place.says}")
         sizes = placed.hypothesis.fit.sizes, parent.fit.sizes
         best = _fitted(problem, parent, one, _starts(effect, one, placed, parent), sizes)
@@ -68,7 +71,9 @@ def sharp_laws(
 ) -> tuple[LearnedCorrection, ...]:
     """Return resonances and echoes in addition to a hypothesis, at the places where they explain most of a residual."""
     found: list[LearnedCorrection] = []
-    for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True)):
+    for sharp in sharp_corrections(problem, residual, all_places(problem, loads=True)):
+        if _has(problem, parent, sharp.place, sharp.law):
+            continue
         try:
             found += _sharp(problem, parent, sharp, progress)
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
@@ -80,7 +85,7 @@ def _sharp(
     problem: Problem, parent: Hypothesis, sharp: SharpCorrection, progress: Callable[[str], None]
 ) -> tuple[LearnedCorrection, ...]:
     """Return the fit of an echo, or of a resonance and of as many more at its place as evidence asks for."""
-    effect, one = _candidate(problem, sharp.place, sharp.steps, sharp.law)
+    effect, one = _candidate(problem, parent, sharp.place, sharp.steps, sharp.law)
     progress(f"trying the law {sharp.law.name} of {sharp.place.says}")
     start = {one.prefix + name: value for name, value in effect.physical(sharp.start).items()}
     starts = [(parent.values, start)] if start else [(parent.values, own) for own in _from_periods(effect, one, parent)]
@@ -108,7 +113,7 @@ def _with_one_more(
     likely = resonance_at(problem, found, sharp.place, sharp.steps, sharp.law)
     if found.fit.shortfall == 0 or not likely or likely[0].explained < worth_of_resonance(count):
         return None
-    effect, one = _candidate(problem, sharp.place, sharp.steps, several(sharp.law, count))
+    effect, one = _candidate(problem, parent, sharp.place, sharp.steps, several(sharp.law, count))
     more = effect.physical({numbered(name, count): value for name, value in likely[0].start.items()})
     known = {name: found.values[name] for name in before.parameters}
     start = known | {one.prefix + name: value for name, value in more.items()}
@@ -117,13 +122,19 @@ def _with_one_more(
     return None if best is None else (effect, one, best)
 
 
-def _candidate(problem: Problem, place: Place, steps: tuple[str, ...], law: Law) -> tuple[LearnedLaw, Candidate]:
-    """Return a law as an effect of these steps, with its frequencies in their recorded band."""
+def _has(problem: Problem, parent: Hypothesis, place: Place, law: Law) -> bool:
+    """Return whether a device has this law there already: a second one of the same form is no different law."""
+    return any(one.place == place and one.law.name == law.name for one, _ in learned_in(problem, parent))
+
+
+def _candidate(
+    problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...], law: Law
+) -> tuple[LearnedLaw, Candidate]:
+    """Return a law as a further effect of these steps, with its frequencies in their recorded band."""
     stack = stack_of(problem.recordings[-1].model)
     ends = [recording.sweep.frequency[[0, -1]] for recording in problem.recordings if recording.step in steps]
-    effect = LearnedLaw(
-        place, law, stack, band=(min(float(end[0]) for end in ends), max(float(end[1]) for end in ends))
-    )
+    band = min(float(end[0]) for end in ends), max(float(end[1]) for end in ends)
+    effect = LearnedLaw(place, law, stack, band=band, number=number_at(problem, parent, place.where))
     return effect, Candidate(effect, place.where, steps, effect.effect_parameters(stack, place.where))
 
 

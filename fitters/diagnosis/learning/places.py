@@ -6,49 +6,26 @@ from functools import partial
 
 import numpy as np
 
-from ....models.base.arrays import Complexes, Frequencies, Reals
 from ....models.base.errors import PzctlError
 from ....models.effects import Device
 from ....models.effects.learned.corrections import Place, places
-from ....models.effects.learned.learned import NAME, LearnedLaw
+from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
 from ...engine.on_cores import on_cores
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER, Minimum
-from ...error_model.uncertainty_sources import spread_of
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, marginal_of
 from ..hypotheses.problem import Candidate, Problem
+from .drawn_corrections import PlacedCorrection, drawn
 
 PLACES = 4
 """Budget: number of places at which a correction is fitted; the others explain less to first order."""
 SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)
 """Prior standard deviations of a correction, equally probable."""
-_SHOWN = 60
-"""Frequencies at which a correction is drawn."""
-_TINY = 1e-6
-"""Step of a coordinate by which a derivative is taken."""
 _STEP = 0.5
 """Fraction of a linear step from which a nonlinear fit starts: a full step overshoots at a resonance."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedCorrection:
-    """A fitted smooth correction at one place."""
-
-    place: Place
-    steps: tuple[str, ...]
-    hypothesis: Hypothesis
-    probability: float
-    """Probability that the missing physics acts here, among all places and nowhere."""
-    frequency: Frequencies
-    """Hz, shape (K,)."""
-    correction: Complexes
-    """Posterior mean at these frequencies, dimensionless, shape (K,)."""
-    u_re: Reals
-    u_im: Reals
-    """Standard uncertainties of its real and imaginary part, shape (K,)."""
 
 
 def placed_corrections(
@@ -70,7 +47,7 @@ def placed_corrections(
         )
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
-    everywhere = free_places(problem, parent)
+    everywhere = all_places(problem)
     progress(f"trying a correction of each of {len(everywhere)} places")
     trials = on_cores([partial(_screened, problem, parent, *place) for place in everywhere], jobs)
     screened = [(trial, *place) for trial, place in zip(trials, everywhere, strict=True) if trial is not None]
@@ -87,24 +64,29 @@ def placed_corrections(
     weights = np.array([alone.log_evidence, *(one.log_evidence - np.log(len(found)) for *_, one in found)]) / temper
     part = np.exp(weights - np.max(weights))
     shares = (part / np.sum(part)).tolist()[1:]
-    drawn = [_drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
-    return tuple(sorted(drawn, key=lambda one: -one.probability))
+    shown = [drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
+    return tuple(sorted(shown, key=lambda one: -one.probability))
 
 
-def free_places(
-    problem: Problem, parent: Hypothesis, *, loads: bool = False
-) -> tuple[tuple[Place, tuple[str, ...]], ...]:
-    """Return every place at which a hypothesis has no law yet, with the steps whose recordings show it.
+def all_places(problem: Problem, *, loads: bool = False) -> tuple[tuple[Place, tuple[str, ...]], ...]:
+    """Return every place of the device, with the steps whose recordings show it.
 
-    One law is possible at one place. `loads`: with the factors of loads, which a smooth correction needs not: a smooth
-    factor of a load is a smooth impedance added to it.
+    `loads`: with the factors of loads, which a smooth correction needs not: a smooth factor of a load is a smooth
+    impedance added to it.
     """
-    taken = {one.where for one in parent.effects if one.effect.name == NAME}
-    return tuple(
-        (place, steps)
-        for place, steps in _places(problem).items()
-        if place.where not in taken and (loads or place.quantity != "load")
-    )
+    return tuple((place, steps) for place, steps in _places(problem).items() if loads or place.quantity != "load")
+
+
+def number_at(problem: Problem, parent: Hypothesis, where: str) -> int:
+    """Return the number that a further law at a place would have, after those of a hypothesis and of the build."""
+    return 1 + max((one.number for one, at in learned_in(problem, parent) if at == where), default=0)
+
+
+def learned_in(problem: Problem, parent: Hypothesis) -> list[tuple[LearnedLaw, str]]:
+    """Return the laws of a hypothesis and of the build, with their places."""
+    devices = [one.model for one in problem.recordings if isinstance(one.model, Device)]
+    everything = [*(one for device in devices for one in device.added), *parent.effects]
+    return [(one.effect, one.where) for one in everything if isinstance(one.effect, LearnedLaw)]
 
 
 def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
@@ -170,7 +152,8 @@ def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[s
     high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
     trials: list[_Trial] = []
     for size in SIZES:
-        one = candidate(SmoothCorrection(place, size, (low, high)), steps, stack)
+        number = number_at(problem, parent, place.where)
+        one = candidate(SmoothCorrection(place, size, (low, high), number), steps, stack)
         try:
             trials.append(_linear(problem, parent, one))
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
@@ -227,59 +210,3 @@ def _linear(problem: Problem, parent: Hypothesis, one: Candidate) -> _Trial:
     step = value.step / max(1.0, float(np.max(np.abs(value.step))))
     start, _ = marginal.objective.coordinates.forward(x + _STEP * step)
     return _Trial(one, value.log_evidence, sizes, dict(start))
-
-
-def _drawn(
-    problem: Problem, place: Place, steps: tuple[str, ...], made: Hypothesis, probability: float
-) -> PlacedCorrection:
-    """Return the correction as a function of frequency with its posterior band."""
-    effect = made.effects[-1].effect
-    if not isinstance(effect, SmoothCorrection):
-        raise TypeError(f"no smooth correction in {effect.name}")
-    recordings = [recording for recording in problem.recordings if recording.step in steps]
-    low = min(float(recording.sweep.frequency[0]) for recording in recordings)
-    high = max(float(recording.sweep.frequency[-1]) for recording in recordings)
-    frequency = np.geomspace(low, high, _SHOWN)
-    basis = effect.basis(stack_of(problem.recordings[-1].model))
-    free = made.objective.coordinates.free
-    at = [free.index(name) for name in made.effects[-1].parameters]
-    a = np.array([made.values[name] for name in made.effects[-1].parameters])
-    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
-    unit = np.stack([effect.size * basis.over(frequency, row) for row in np.eye(a.size)], axis=1)
-    scale = np.array([_width(made, k) for k in at])
-    columns = unit * scale
-    u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
-    return PlacedCorrection(place, steps, made, probability, frequency, unit @ a, u_re, u_im)
-
-
-def drawn_law(effect: LearnedLaw, one: Candidate, made: Hypothesis) -> PlacedCorrection:
-    """Return the correction of a fitted law, the last effect of a hypothesis, as a function of frequency."""
-    frequency = np.geomspace(*effect.band, _SHOWN)
-    coordinates, x = made.objective.coordinates, made.fit.x
-    at = [coordinates.free.index(name) for name in one.parameters]
-
-    def correction(x: Reals) -> Complexes:
-        values, _ = coordinates.forward(x)
-        own = {knob.name: values[name] for name, knob in zip(one.parameters, one.effect_parameters, strict=True)}
-        return effect.correction(own)(frequency)
-
-    here = correction(x)
-    columns = np.stack([(correction(x + _TINY * np.eye(x.size)[k]) - here) / _TINY for k in at], axis=1)
-    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
-    u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
-    quantity = "impedance" if effect.place.quantity == "load" else effect.place.quantity
-    place = Place(effect.place.where, quantity)
-    return PlacedCorrection(place, one.steps, made, 0.0, frequency, here, u_re, u_im)
-
-
-def _spread(columns: Reals, covariance: Reals) -> Reals:
-    """Return the standard uncertainty of a curve from the derivatives by its coefficients, shape (K, M)."""
-    return np.asarray(np.sqrt(np.maximum(np.einsum("km,mn,kn->k", columns, covariance, columns), 0)), np.float64)
-
-
-def _width(made: Hypothesis, k: int) -> float:
-    """Return d parameter / d coordinate of a coefficient."""
-    _, chain = made.objective.coordinates.forward(made.fit.x)
-    names = made.objective.coordinates.parameters
-    name = made.objective.coordinates.free[k]
-    return float(chain[names.index(name), k])
