@@ -55,7 +55,7 @@ def learned_laws(
     """Return the laws fitted at a place in addition to a hypothesis, most probable first."""
     made: list[_Made] = []
     for place, law in _forms(placed.place, stack_of(problem.recordings[-1].model)):
-        if _has(problem, parent, place, law):
+        if _has(problem, parent, place, placed.steps, law):
             continue
         effect, one = _candidate(problem, parent, place, placed.steps, law)
         progress(f"trying the law {law.name} of {place.says}")
@@ -72,7 +72,7 @@ def sharp_laws(
     """Return resonances and echoes in addition to a hypothesis, at the places where they explain most of a residual."""
     found: list[LearnedCorrection] = []
     for sharp in sharp_corrections(problem, residual, all_places(problem, loads=True)):
-        if _has(problem, parent, sharp.place, sharp.law):
+        if _has(problem, parent, sharp.place, sharp.steps, sharp.law):
             continue
         try:
             found += _sharp(problem, parent, sharp, progress)
@@ -122,9 +122,10 @@ def _with_one_more(
     return None if best is None else (effect, one, best)
 
 
-def _has(problem: Problem, parent: Hypothesis, place: Place, law: Law) -> bool:
-    """Return whether a device has this law there already: a second one of the same form is no different law."""
-    return any(one.place == place and one.law.name == law.name for one, _ in learned_in(problem, parent))
+def _has(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...], law: Law) -> bool:
+    """Return whether these steps have this law already: a second one of the same form is no different law."""
+    known = learned_in(problem, parent)
+    return any(one.place == place and one.law.name == law.name and not set(steps).isdisjoint(at) for one, at in known)
 
 
 def _candidate(

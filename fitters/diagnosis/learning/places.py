@@ -8,7 +8,7 @@ import numpy as np
 
 from ....models.base.errors import PzctlError
 from ....models.effects import Device
-from ....models.effects.learned.corrections import Place, places
+from ....models.effects.learned.corrections import INSTRUMENT, Place, places
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
@@ -16,7 +16,9 @@ from ...engine.on_cores import on_cores
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER, Minimum
+from ..hypotheses.candidates import step_groups
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, marginal_of
+from ..hypotheses.instrument_artefacts import InstrumentArtefact
 from ..hypotheses.problem import Candidate, Problem
 from .drawn_corrections import PlacedCorrection, drawn
 
@@ -35,9 +37,10 @@ def placed_corrections(
     jobs: int = 1,
     thorough: bool = True,
 ) -> tuple[PlacedCorrection, ...]:
-    """Return a smooth correction at each place of the device in addition to a hypothesis, most probable first.
+    """Return a smooth correction at each place in addition to a hypothesis, most probable first.
 
-    No other smooth error of the constants is allowed with it: the question is which single place explains the residual.
+    It is the same in all recordings that show the place: that is what tells places apart. No other smooth error of the
+    constants is allowed with it: the question is which single place explains the residual.
     `jobs`: number of processes. `thorough`: whether each correction is fitted from several starts and without errors of
     the effects' formulas, as a law that is learned from it needs; otherwise from its first-order solution alone.
     """
@@ -61,7 +64,9 @@ def placed_corrections(
         return ()
     best = max((hypothesis for *_, hypothesis in found), key=lambda one: one.log_evidence)
     temper = best.coarseness
-    weights = np.array([alone.log_evidence, *(one.log_evidence - np.log(len(found)) for *_, one in found)]) / temper
+    prior = [_log_odds(place) - float(np.log(len(found))) for place, *_ in found]
+    with_it = [one.log_evidence + own for own, (*_, one) in zip(prior, found, strict=True)]
+    weights = np.array([alone.log_evidence, *with_it]) / temper
     part = np.exp(weights - np.max(weights))
     shares = (part / np.sum(part)).tolist()[1:]
     shown = [drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
@@ -69,37 +74,45 @@ def placed_corrections(
 
 
 def all_places(problem: Problem, *, loads: bool = False) -> tuple[tuple[Place, tuple[str, ...]], ...]:
-    """Return every place of the device, with the steps whose recordings show it.
+    """Return every place at which a correction can act, with the steps whose recordings show it.
 
-    `loads`: with the factors of loads, which a smooth correction needs not: a smooth factor of a load is a smooth
-    impedance added to it.
+    What is inside of a device is the same in all steps that have it; the leads can be the same in all steps, differ
+    from one step on, or in one; the front of a step is buried by the next. What the instrument reads is the same for
+    every device, so it is a place only if several steps were recorded: of a single device, its error cannot be told
+    from one of the device. `loads`: with the factors of loads, which a smooth correction needs not: a smooth factor of
+    a load is a smooth impedance added to it.
     """
-    return tuple((place, steps) for place, steps in _places(problem).items() if loads or place.quantity != "load")
+    own = [(place, steps) for place, steps in _places(problem).items() if loads or place.quantity != "load"]
+    found = [(place, group) for place, steps in own for group in step_groups(place.where, steps)]
+    return (*found, (INSTRUMENT, problem.steps)) if len(problem.steps) > 1 else tuple(found)
+
+
+def _log_odds(place: Place) -> float:
+    """Return ln prior odds of a place relative to others: faults of an instrument are rarer than missing physics."""
+    return float(np.log(InstrumentArtefact.odds)) if place == INSTRUMENT else 0.0
 
 
 def number_at(problem: Problem, parent: Hypothesis, where: str) -> int:
     """Return the number that a further law at a place would have, after those of a hypothesis and of the build."""
-    return 1 + max((one.number for one, at in learned_in(problem, parent) if at == where), default=0)
+    return 1 + max((one.number for one, _ in learned_in(problem, parent) if one.place.where == where), default=0)
 
 
-def learned_in(problem: Problem, parent: Hypothesis) -> list[tuple[LearnedLaw, str]]:
-    """Return the laws of a hypothesis and of the build, with their places."""
-    devices = [one.model for one in problem.recordings if isinstance(one.model, Device)]
-    everything = [*(one for device in devices for one in device.added), *parent.effects]
-    return [(one.effect, one.where) for one in everything if isinstance(one.effect, LearnedLaw)]
+def learned_in(problem: Problem, parent: Hypothesis) -> list[tuple[LearnedLaw, tuple[str, ...]]]:
+    """Return the laws of the build and of a hypothesis, with the steps that have them."""
+    devices = [(one.model, one.step) for one in problem.recordings if isinstance(one.model, Device)]
+    everything = [(added.effect, (step,)) for device, step in devices for added in device.added]
+    everything += [(one.effect, one.steps) for one in parent.effects]
+    return [(effect, steps) for effect, steps in everything if isinstance(effect, LearnedLaw)]
 
 
 def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
     """Return every place with the steps whose recordings show it."""
     steps: dict[Place, list[str]] = {}
-    last = problem.steps[-1]
     for recording in problem.recordings:
         device = recording.model
         if not isinstance(device, Device) or not isinstance(device.bare, Stack):
             continue
         for place in places(device.bare):
-            if place.where == "face:front" and recording.step != last:
-                continue  # buried by the next step
             own = steps.setdefault(place, [])
             if recording.step not in own:
                 own.append(recording.step)

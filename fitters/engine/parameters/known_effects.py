@@ -129,10 +129,10 @@ def _of_catalogue(spec: EffectSpec) -> Effect:
 
 
 def _learned(spec: EffectSpec, stack: Stack, number: int) -> Effect:
-    known = get_args(corrections.Quantity)
+    known = get_args(corrections.OfSample)
     if spec.quantity not in known:
         raise KnownEffectError(f"{NAME}: quantity is {spec.quantity!r}; {among(spec.quantity, list(known))}")
-    place = corrections.Place(spec.where, cast(corrections.Quantity, spec.quantity))
+    place = corrections.Place(spec.where, cast(corrections.OfSample, spec.quantity))
     if place not in corrections.places(stack):
         there = [one.where for one in corrections.places(stack) if one.quantity == spec.quantity]
         raise KnownEffectError(f"{NAME}: where is {spec.where!r}; {among(spec.where, there)}")
