@@ -9,7 +9,7 @@ from ....models.effects.learned.laws import laws
 from ..decision_rules import LEFT
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
-from .laws import LearnedCorrection
+from .laws import LearnedCorrection, left_by
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +78,18 @@ def explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
 
     One that leaves more has moved the constants to where the device is so sensitive that errors describe anything.
     """
-    return _left(law.hypothesis) <= max(_left(parent), LEFT)
+    return left_by(law.hypothesis) <= max(left_by(parent), LEFT)
 
 
-def _left(one: Hypothesis) -> float:
-    """Return the rms of ln Z that a model leaves without any errors."""
-    return float(np.sqrt(np.mean(np.abs(np.concatenate(one.fit.left_by_the_model)) ** 2)))
+def distinct(explanations: Sequence[Explanation]) -> list[Explanation]:
+    """Return the best of all explanations by the same law at the same place beside the same effects."""
+    best: dict[object, Explanation] = {}
+    for one in explanations:
+        law = None if one.law is None else (one.law.effect.place, one.law.candidate.steps, one.law.effect.law.name)
+        key = one.parent.key, law
+        if key not in best or one.hypothesis.log_evidence > best[key].hypothesis.log_evidence:
+            best[key] = one
+    return list(best.values())
 
 
 def chosen(explanations: Sequence[Explanation]) -> Choice | None:

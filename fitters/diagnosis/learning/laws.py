@@ -23,6 +23,7 @@ from .delays import delays_at
 from .drawn_corrections import PlacedCorrection, drawn_law
 from .places import all_places, learned_in, number_at
 from .sharp import SharpCorrection, resonance_at, sharp_corrections, worth_of_resonance
+from .usual_fits import usually_fitted
 
 _TRIALS = 6
 """Start values of a frequency over its range."""
@@ -30,6 +31,10 @@ _LEAST, _MOST = 1e-3, 0.9
 """Limits of the start value of an echo, relative to natural size and largest value."""
 _FLOOR = 0.05
 """Smallest uncertainty of a drawn correction that is used, relative to its largest value."""
+
+
+_ROUGHLY = 3
+"""Budget: number of laws found by plain least squares that are fitted by marginal likelihood."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +84,53 @@ def sharp_laws(
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             continue
     return tuple(found)
+
+
+def plainly_better_laws(
+    problem: Problem, parent: Hypothesis, residual: Hypothesis, progress: Callable[[str], None] = lambda _: None
+) -> tuple[LearnedCorrection, ...]:
+    """Return the smooth laws with which plain least squares leave least at all places, in addition to a hypothesis.
+
+    A law may change the device by so much that no correction is found to first order. `residual`: the hypothesis at
+    the minimum of plain least squares, where each begins.
+    """
+    progress("trying smooth laws of all places by plain least squares")
+    found: list[tuple[float, Place, _Made]] = []
+    for place, steps in all_places(problem, loads=True):
+        for law in laws(place.quantity):
+            if any(knob.name in ("delay", "q") for knob in law.parameters) or _has(problem, parent, place, steps, law):
+                continue
+            effect, one = _candidate(problem, parent, place, steps, law)
+            values = {**residual.values, **dict(zip(one.parameters, map(_middle, one.effect_parameters), strict=True))}
+            try:
+                made = fitted(problem, (*parent.effects, one), values, (ErrorSizes(),), rounds=0, compared=False)
+            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+                continue
+            found.append((left_by(made), place, (effect, one, made)))
+    best = sorted(found, key=lambda one: one[0])[:_ROUGHLY]
+    made = [_from_plain(problem, parent, place, one) for left, place, one in best if left < left_by(residual)]
+    return tuple(law for laws_there in made for law in laws_there)
+
+
+def _middle(knob: EffectParameter) -> float:
+    """Return a value of a parameter from which plain least squares can go anywhere."""
+    return knob.expected[0] if knob.from_nothing else knob.null
+
+
+def _from_plain(problem: Problem, parent: Hypothesis, place: Place, found: "_Made") -> tuple[LearnedCorrection, ...]:
+    effect, one, plain = found
+    best = _fitted(problem, parent, one, [(plain.values, {})], (parent.fit.sizes, ErrorSizes()))
+    if best is None:
+        return ()
+    try:
+        return _weighed(drawn_law(effect, one, best), [(effect, one, best)])
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return ()
+
+
+def left_by(one: Hypothesis) -> float:
+    """Return the rms of ln Z that a model leaves without any errors."""
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(one.fit.left_by_the_model)) ** 2)))
 
 
 def _sharp(
@@ -176,8 +228,8 @@ def _fitted(
     for values, start in starts:
         for own in dict.fromkeys(sizes):
             try:
-                once = fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False)
-                made.append(fitted(problem, effects, once.values, (once.fit.sizes,), near=True, rounds=1, tau=False))
+                once = usually_fitted(problem, effects, {**values, **start}, (own,), rounds=4)
+                made.append(usually_fitted(problem, effects, once.values, (once.fit.sizes,), rounds=1))
             except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
                 continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)

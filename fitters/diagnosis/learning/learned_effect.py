@@ -16,10 +16,11 @@ from ..inference.conclusion import Conclusion
 from ..search.weak_lines import with_weak_lines
 from ..validation.forecast import forecast_of
 from .drawn_corrections import PlacedCorrection
-from .explanations import Choice, Explanation, better, chosen, enough, explains
-from .laws import learned_laws, sharp_laws
+from .explanations import Choice, Explanation, better, chosen, distinct, enough, explains
+from .laws import learned_laws, plainly_better_laws, sharp_laws
 from .learned_conclusion import concluded, with_its_place
 from .places import placed_corrections
+from .usual_fits import has_usual_fixture, usually_fitted
 
 _SAID = 0.01
 """Smallest probability at which an alternative is mentioned."""
@@ -96,9 +97,11 @@ class Learning:
                 made = learned_laws(self.problem, parent, placed, self.progress)
                 explanations += [Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent)]
             if parent.unexplained > LEFT and not enough(explanations, parent):
-                made = sharp_laws(self.problem, parent, self._plain(parent), self.progress)
+                plain = self._plain(parent)
+                made = sharp_laws(self.problem, parent, plain, self.progress)
+                made += plainly_better_laws(self.problem, parent, plain, self.progress)
                 explanations += [Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent)]
-        choice = chosen(explanations)
+        choice = chosen(distinct(explanations))
         if choice is None or choice.probability < NAMED:
             return conclusion, next(iter(places.values()))
         final = self._final(choice)
@@ -118,16 +121,17 @@ class Learning:
             return []
         effects, values = (*parent.effects, law.candidate), {**parent.values, **known.values}
         try:
-            made = fitted(self.problem, effects, values, (known.fit.sizes, parent.fit.sizes), near=True, tau=False)
+            made = usually_fitted(self.problem, effects, values, (known.fit.sizes, parent.fit.sizes))
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return []
         return [Explanation(made, replace(law, hypothesis=made), parent)]
 
     def _alone(self, one: Hypothesis) -> Hypothesis:
         """Return a hypothesis fitted without smooth errors of the model, which would absorb what a law describes."""
+        absorbed = one.fit.sizes.shape > 0 or not has_usual_fixture(one)
         made = [
-            fitted(self.problem, one.effects, one.values, (one.fit.sizes,), near=near, tau=False, shape=False)
-            for near in ((True, False) if one.fit.sizes.shape > 0 else (True,))
+            usually_fitted(self.problem, one.effects, one.values, (one.fit.sizes,), near=near, shape=False)
+            for near in ((True, False) if absorbed else (True,))
         ]
         return max(made, key=lambda hypothesis: hypothesis.log_evidence)
 
@@ -162,7 +166,7 @@ class Learning:
             made = fitted(problem, best.effects, best.values, (best.fit.sizes,), near=True)
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return best
-        return max(best, made, key=lambda hypothesis: hypothesis.log_evidence)
+        return max(best, made, key=lambda one: one.log_evidence) if has_usual_fixture(made) else best
 
 
 def _without_artefacts(problem: Problem, one: Hypothesis) -> list[Hypothesis]:
@@ -170,14 +174,14 @@ def _without_artefacts(problem: Problem, one: Hypothesis) -> list[Hypothesis]:
     effects = tuple(effect for effect in one.effects if effect.effect.name != UNKNOWN)
     if effects == one.effects:
         return []
-    return [fitted(problem, effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=False)]
+    return [usually_fitted(problem, effects, one.values, (one.fit.sizes, ErrorSizes()))]
 
 
 def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesis:
     """Return a hypothesis fitted beside the weak lines of a problem; `tau`: whether smooth errors are allowed."""
     if set(one.fit.marginal.lines) == set(problem.lines):
         return one
-    return fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), near=True, tau=tau)
+    return usually_fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), tau=tau)
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:

@@ -17,10 +17,11 @@ from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER, Minimum
 from ..hypotheses.candidates import step_groups
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, marginal_of
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, marginal_of
 from ..hypotheses.instrument_artefacts import InstrumentArtefact
 from ..hypotheses.problem import Candidate, Problem
 from .drawn_corrections import PlacedCorrection, drawn
+from .usual_fits import usually_fitted
 
 PLACES = 4
 """Budget: number of places at which a correction is fitted; the others explain less to first order."""
@@ -45,9 +46,7 @@ def placed_corrections(
     the effects' formulas, as a law that is learned from it needs; otherwise from its first-order solution alone.
     """
     try:
-        alone = fitted(
-            problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False, shape=not thorough
-        )
+        alone = usually_fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), shape=not thorough)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
     everywhere = all_places(problem)
@@ -200,8 +199,8 @@ def _fitted(
 def _end(problem: Problem, plan: _Plan) -> tuple[float, Minimum] | None:
     """Return the ln evidence and the minimum that a fit reaches."""
     try:
-        made = fitted(
-            problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, tau=False, shape=plan.shape
+        made = usually_fitted(
+            problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, shape=plan.shape
         )
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None
