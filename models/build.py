@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from .base.names import numbered
 from .specification import Specification
 from .sweep_plan import LevelLimits, SweepPlan
 
@@ -153,11 +154,17 @@ class Build:
             constants
             | bolt
             | {
-                f"{one.effect}@{one.where}.{name}": quantity
-                for one in self.effects
+                f"{known}@{one.where}.{name}": quantity
+                for known, one in zip(self.effect_keys, self.effects, strict=True)
                 for name, quantity in one.values.items()
             }
         )
+
+    @property
+    def effect_keys(self) -> tuple[str, ...]:
+        """Names of its effects in the names of parameters: the second law learned at a place is `learned-2`."""
+        places = [(one.effect, one.where) for one in self.effects]
+        return tuple(numbered(one[0], places[: k + 1].count(one)) for k, one in enumerate(places))
 
     def noted(
         self, step: str, metadata: Mapping[str, str | float] | None = None, mass: Quantity | None = None

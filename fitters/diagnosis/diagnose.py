@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...models.effects.learned.corrections import INSTRUMENT
+from ...models.effects.learned.learned import LearnedLaw
 from ..disk.two_d.disk2d import Disk2DFitter
 from ..engine.fitted_model import Diagnosable, FittedModel
 from ..error_model.uncertainty_sources import taken_up
@@ -28,8 +30,9 @@ from .inference.data_findings import of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, parameters_of
 from .inference.stated_effects import stated
 from .inference.undetectable import not_decidable
+from .learning.drawn_corrections import PlacedCorrection
 from .learning.learned_effect import Learning
-from .learning.places import PlacedCorrection, placed_corrections
+from .learning.places import placed_corrections
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
 from .search.score_test import scores
@@ -227,7 +230,7 @@ def _told(
     findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
-        findings.append(_unknown(final, held_after, left, () if learn else places, found))
+        findings.append(_unknown(final, held_after, left, _where_it_acts(places, found, learn=learn), found))
     constants = averaged_constants(problem, found.final, search.ranked, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
@@ -247,7 +250,7 @@ def _told(
         others=proofs,
         remaining=found.remaining,
         remarks=tuple(said for one, said in told if one.kind == "remark"),
-        places=tuple(_place(one) for one in places),
+        places=tuple(_place(one, problem.steps) for one in places),
         effects=stated(problem, found.final, [one for one, _ in told], coarse),
         seconds=time.perf_counter() - began,
     )
@@ -285,8 +288,8 @@ def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tupl
     return named
 
 
-def _place(one: PlacedCorrection) -> MismatchPlace:
-    """Return a place as it is shown."""
+def _place(one: PlacedCorrection, steps: tuple[str, ...]) -> MismatchPlace:
+    """Return a place as it is shown; `steps`: those that were recorded."""
     curve = CorrectionCurve(
         frequency_Hz=tuple(one.frequency.tolist()),
         re=tuple(one.correction.real.tolist()),
@@ -294,7 +297,8 @@ def _place(one: PlacedCorrection) -> MismatchPlace:
         u_re=tuple(one.u_re.tolist()),
         u_im=tuple(one.u_im.tolist()),
     )
-    says = f"A correction of {one.place.says} that depends on frequency would explain what is left."
+    there = "" if one.steps == steps else f" in {' and '.join(one.steps)}"
+    says = f"A correction of {one.place.says}{there} that depends on frequency would explain what is left."
     return MismatchPlace(one.place.where, one.place.quantity, one.steps[0], one.probability, says, curve)
 
 
@@ -346,14 +350,20 @@ def _finding(
     )
 
 
-def _unknown(
-    final: Refit, held: float, left: Leftover, places: Sequence[PlacedCorrection], found: Conclusion
-) -> Finding:
-    likely = [one for one in places[:1] if one.probability > NAMED]
-    where = "".join(
-        f" Most probably (P = {one.probability:.2f}) it acts on {one.place.says}; `--learn` looks for its law."
-        for one in likely
-    )
+def _where_it_acts(places: Sequence[PlacedCorrection], found: Conclusion, *, learn: bool) -> str:
+    """Return a sentence on the place of what is left, if one is more likely than not; empty if a law was learned."""
+    best = max(places, key=lambda one: one.probability, default=None)
+    if (
+        best is None
+        or best.probability <= NAMED
+        or any(isinstance(one.effect, LearnedLaw) for one in found.final.effects)
+    ):
+        return ""
+    hint = "" if learn or best.place == INSTRUMENT else "; `--learn` looks for its law"
+    return f" Most probably (P = {best.probability:.2f}) it acts on {best.place.says}{hint}."
+
+
+def _unknown(final: Refit, held: float, left: Leftover, where: str, found: Conclusion) -> Finding:
     unproved = found.forecast.says if found.forecast is not None and found.refuted else None
     says = unproved or "No effect of the catalogue explains the misfit; find its cause before you use the constants."
     return Finding(

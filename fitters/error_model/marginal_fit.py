@@ -190,15 +190,16 @@ def fit(
     tau: bool = True,
     shape: bool = True,
     compared: bool = True,
+    fixture: bool = True,
 ) -> MarginalFit:
     """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
     `fixed`: use the sizes of the first start; `fast`: whether fast instrument errors are allowed; `tau`: whether smooth
-    errors of all constants are; `shape`: whether those of the effects' formulas are. `compared`: whether its evidence
-    will be compared with that of others and has to settle, if need be in further rounds; constants then move by less
-    than their uncertainties.
+    errors of all constants are; `shape`: whether those of the effects' formulas are; `fixture`: whether a residual of
+    the fixture is. `compared`: whether its evidence will be compared with that of others and has to settle, if need be
+    in further rounds; constants then move by less than their uncertainties.
     """
-    never = [name for name, allowed in (("tau", tau), ("shape", shape)) if not allowed]
+    never = [name for name, allowed in (("tau", tau), ("shape", shape), ("fixture", fixture)) if not allowed]
     for name in never:
         starts = tuple(own.at(name, 0.0) for own in starts)
     sizes = starts[0]

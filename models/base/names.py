@@ -60,3 +60,8 @@ def as_file_name(*names: str) -> str:
     """Return names from outside, joined by `-`, as one safe component of a path."""
     name = "-".join(re.sub(r"[^\w +.,=@-]", "_", name) for name in names).lstrip(".").rstrip(" .") or "_"
     return f"_{name}" if _DEVICE.fullmatch(name) else name
+
+
+def numbered(name: str, number: int) -> str:
+    """Return the name of the one with this number among several of the same name: `learned`, `learned-2`."""
+    return name if number == 1 else f"{name}-{number}"

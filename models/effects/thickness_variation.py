@@ -70,8 +70,8 @@ class ThicknessVariation(Effect):
         def varied(part: ParallelSection) -> list[ParallelSection]:
             nodes, weights = _gauss(_strips(part.stack, w), shape)
             moved_by = {
-                f"{self.name}@{where}.variance": lambda: (_by_variance(values) * nodes, np.zeros_like(weights)),
-                f"{self.name}@{where}.shape": lambda: _by_shape(values, nodes.size),
+                f"{self.key}@{where}.variance": lambda: (_by_variance(values) * nodes, np.zeros_like(weights)),
+                f"{self.key}@{where}.shape": lambda: _by_shape(values, nodes.size),
             }
             strips = Strips(layer_at(where), 1 + w * nodes, weights, moved_by)
             return [replace(one, strips=strips) for one in part.each_strip()]

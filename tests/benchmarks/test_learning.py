@@ -1,10 +1,13 @@
-"""A learned law against the effects of the catalogue that imitate it."""
+"""Learned laws: against effects of the catalogue that imitate them, two at one place, and from several steps."""
+
+from dataclasses import replace
 
 import numpy as np
 from relaxing_disk import BUILD, recorded, relaxing, with_permittivity
 
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.engine.parameters.assembly import stack_of
+from pzctl.fitters.interface import FitTask
 
 
 def test_three_resonances_of_a_permittivity_are_learned_as_one_law() -> None:
@@ -33,3 +36,26 @@ def test_a_law_takes_the_place_of_what_only_imitates_it() -> None:
     assert diagnosis.findings[0].probability > 0.9
     assert diagnosis.verdict == "explained"
     assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("layer:disk", "permittivity")
+
+
+def test_two_laws_at_one_place_are_learned_one_after_the_other() -> None:
+    """A conductance across a contact. First the contact is learned, beside a fault of the phase; then its cause."""
+    f = np.linspace(1.5e6, 7.5e6, 61)
+    Z = stack_of(BUILD, BUILD.step("disk")).impedance(f) + 4.0
+    diagnosis = diagnose(recorded(1 / (1 / Z + 4e-3), f), effects=("polarity",), learn=True)
+    assert diagnosis.verdict == "explained"
+    laws = [(one.where, one.quantity, one.law) for one in diagnosis.effects]
+    assert laws == [("terminals", "series", "resistance"), ("terminals", "shunt", "resistance")]
+
+
+def test_a_lead_of_one_step_is_learned_for_this_step() -> None:
+    f, build = np.linspace(1.5e6, 7.5e6, 61), replace(BUILD, steps=BUILD.steps[:2])
+    disk, glued = (stack_of(build, step).impedance(f) for step in build.steps)
+    (first,) = recorded(disk, f).sweeps["disk"]
+    (second,) = recorded(glued + 0.5 * np.sqrt(2j * np.pi * f / 2.6e7), f).sweeps["disk"]
+    task = FitTask(build, {"disk": (first,), "ml1": (second,)})
+    diagnosis = diagnose(task, effects=("polarity",), learn=True)
+    (law,) = diagnosis.effects
+    assert (law.where, law.quantity, law.law, law.steps) == ("terminals", "series", "root", ("ml1",))
+    assert (diagnosis.places[0].where, diagnosis.places[0].step) == ("terminals", "ml1")
+    assert "series with the device in ml1" in diagnosis.places[0].says

@@ -1,6 +1,6 @@
 """Candidates: every effect, of the catalogue or the user's own, at every place of a build where it can occur."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -54,7 +54,7 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
         if effect.from_later_step:
             groups = [tuple(open_steps[k:]) for k in range(1, len(open_steps))]
         else:
-            groups = _groups(where, open_steps) if open_steps else []
+            groups = step_groups(where, open_steps) if open_steps else []
         found += [Candidate(effect, where, group, effect_parameters) for group in groups]
     return found
 
@@ -71,8 +71,11 @@ def _is_known(device: Model, effect: Effect, where: str) -> bool:
     )
 
 
-def _groups(where: str, steps: list[str]) -> list[tuple[str, ...]]:
-    """Return the sets of steps in which an effect at this place may be present."""
+def step_groups(where: str, steps: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return the sets of steps in which an effect at this place may be present.
+
+    What is inside of a device stays in it; the leads may have changed between two steps.
+    """
     single = [(step,) for step in steps]
     if where == FACES[1]:
         return single

@@ -155,14 +155,15 @@ def fitted(
     others: Sequence[Mapping[str, float]] = (),
     compared: bool = True,
     about: Corrections | None = None,
+    fixture: bool = True,
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
     `fast`, `tau`, `shape`: whether fast errors of the instrument and smooth ones of all constants and of the effects'
     formulas are allowed. `fixed`: whether errors have the sizes of the first start. `others`: further values from
     which plain least squares start; the fit continues from the lowest minimum. `compared`: whether the evidence has to
-    settle. `about`: corrections of constants about
-    which the errors of a fit are linear that ended at `values`.
+    settle. `about`: corrections of constants about which the errors of a fit are linear that ended at `values`.
+    `fixture`: whether a residual of the fixture is allowed.
     """
     marginal = marginal_of(problem, effects, values).around(about)
     x = marginal.objective.coordinates.x
@@ -170,7 +171,7 @@ def fitted(
         free = marginal.objective.coordinates.free
         more = [marginal_of(problem, effects, other).objective.coordinates for other in others]
         x = plain(marginal, [x, *(other.x for other in more if other.free == free)])
-    return _weighed(effects, fit(marginal, x, starts, rounds, fixed, fast, tau, shape, compared))
+    return _weighed(effects, fit(marginal, x, starts, rounds, fixed, fast, tau, shape, compared, fixture))
 
 
 def at_minimum(

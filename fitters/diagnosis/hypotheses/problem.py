@@ -35,7 +35,7 @@ class Candidate:
     effect_parameters: tuple[EffectParameter, ...]
 
     def __hash__(self) -> int:
-        return hash((self.effect.name, self.where, self.steps))  # its parameters follow from these
+        return hash((self.effect.key, self.where, self.steps))  # its parameters follow from these
 
     @property
     def step(self) -> str:
@@ -45,7 +45,7 @@ class Candidate:
     @property
     def prefix(self) -> str:
         """Common prefix of its parameters' names."""
-        return f"{self.effect.name}@{self.where}."
+        return f"{self.effect.key}@{self.where}."
 
     @property
     def parameters(self) -> tuple[str, ...]:

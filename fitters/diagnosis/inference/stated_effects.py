@@ -18,8 +18,12 @@ from .finite_diameter import NAME as FINITE_DIAMETER
 def stated(
     problem: Problem, final: Hypothesis, named: Sequence[NamedEffect], coarseness: float
 ) -> tuple[EffectSpec, ...]:
-    """Return the named effects that belong to the sample, without effects of a sweep."""
-    return tuple(_stated(problem, final, one, coarseness) for one in named if _belongs_to_the_sample(one))
+    """Return the named effects that belong to the sample, without effects of a sweep.
+
+    Laws at the same place are in the order in which they act, which is also that of a build's sections.
+    """
+    own = sorted(filter(_belongs_to_the_sample, named), key=lambda one: one.candidate.effect.number)
+    return tuple(_stated(problem, final, one, coarseness) for one in own)
 
 
 def _belongs_to_the_sample(named: NamedEffect) -> bool:

@@ -20,8 +20,10 @@ from ...error_model.error_sizes import ErrorSizes
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .delays import delays_at
-from .places import PlacedCorrection, drawn_law, free_places
+from .drawn_corrections import PlacedCorrection, drawn_law
+from .places import all_places, learned_in, number_at
 from .sharp import SharpCorrection, resonance_at, sharp_corrections, worth_of_resonance
+from .usual_fits import usually_fitted
 
 _TRIALS = 6
 """Start values of a frequency over its range."""
@@ -29,6 +31,10 @@ _LEAST, _MOST = 1e-3, 0.9
 """Limits of the start value of an echo, relative to natural size and largest value."""
 _FLOOR = 0.05
 """Smallest uncertainty of a drawn correction that is used, relative to its largest value."""
+
+
+_ROUGHLY = 3
+"""Budget: number of laws found by plain least squares that are fitted by marginal likelihood."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +60,9 @@ def learned_laws(
     """Return the laws fitted at a place in addition to a hypothesis, most probable first."""
     made: list[_Made] = []
     for place, law in _forms(placed.place, stack_of(problem.recordings[-1].model)):
-        effect, one = _candidate(problem, place, placed.steps, law)
+        if _has(problem, parent, place, placed.steps, law):
+            continue
+        effect, one = _candidate(problem, parent, place, placed.steps, law)
         progress(f"trying the law {law.name} of {place.says}")
         sizes = placed.hypothesis.fit.sizes, parent.fit.sizes
         best = _fitted(problem, parent, one, _starts(effect, one, placed, parent), sizes)
@@ -68,7 +76,9 @@ def sharp_laws(
 ) -> tuple[LearnedCorrection, ...]:
     """Return resonances and echoes in addition to a hypothesis, at the places where they explain most of a residual."""
     found: list[LearnedCorrection] = []
-    for sharp in sharp_corrections(problem, residual, free_places(problem, parent, loads=True)):
+    for sharp in sharp_corrections(problem, residual, all_places(problem, loads=True)):
+        if _has(problem, parent, sharp.place, sharp.steps, sharp.law):
+            continue
         try:
             found += _sharp(problem, parent, sharp, progress)
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
@@ -76,11 +86,58 @@ def sharp_laws(
     return tuple(found)
 
 
+def plainly_better_laws(
+    problem: Problem, parent: Hypothesis, residual: Hypothesis, progress: Callable[[str], None] = lambda _: None
+) -> tuple[LearnedCorrection, ...]:
+    """Return the smooth laws with which plain least squares leave least at all places, in addition to a hypothesis.
+
+    A law may change the device by so much that no correction is found to first order. `residual`: the hypothesis at
+    the minimum of plain least squares, where each begins.
+    """
+    progress("trying smooth laws of all places by plain least squares")
+    found: list[tuple[float, Place, _Made]] = []
+    for place, steps in all_places(problem, loads=True):
+        for law in laws(place.quantity):
+            if any(knob.name in ("delay", "q") for knob in law.parameters) or _has(problem, parent, place, steps, law):
+                continue
+            effect, one = _candidate(problem, parent, place, steps, law)
+            values = {**residual.values, **dict(zip(one.parameters, map(_middle, one.effect_parameters), strict=True))}
+            try:
+                made = fitted(problem, (*parent.effects, one), values, (ErrorSizes(),), rounds=0, compared=False)
+            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+                continue
+            found.append((left_by(made), place, (effect, one, made)))
+    best = sorted(found, key=lambda one: one[0])[:_ROUGHLY]
+    made = [_from_plain(problem, parent, place, one) for left, place, one in best if left < left_by(residual)]
+    return tuple(law for laws_there in made for law in laws_there)
+
+
+def _middle(knob: EffectParameter) -> float:
+    """Return a value of a parameter from which plain least squares can go anywhere."""
+    return knob.expected[0] if knob.from_nothing else knob.null
+
+
+def _from_plain(problem: Problem, parent: Hypothesis, place: Place, found: "_Made") -> tuple[LearnedCorrection, ...]:
+    effect, one, plain = found
+    best = _fitted(problem, parent, one, [(plain.values, {})], (parent.fit.sizes, ErrorSizes()))
+    if best is None:
+        return ()
+    try:
+        return _weighed(drawn_law(effect, one, best), [(effect, one, best)])
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return ()
+
+
+def left_by(one: Hypothesis) -> float:
+    """Return the rms of ln Z that a model leaves without any errors."""
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(one.fit.left_by_the_model)) ** 2)))
+
+
 def _sharp(
     problem: Problem, parent: Hypothesis, sharp: SharpCorrection, progress: Callable[[str], None]
 ) -> tuple[LearnedCorrection, ...]:
     """Return the fit of an echo, or of a resonance and of as many more at its place as evidence asks for."""
-    effect, one = _candidate(problem, sharp.place, sharp.steps, sharp.law)
+    effect, one = _candidate(problem, parent, sharp.place, sharp.steps, sharp.law)
     progress(f"trying the law {sharp.law.name} of {sharp.place.says}")
     start = {one.prefix + name: value for name, value in effect.physical(sharp.start).items()}
     starts = [(parent.values, start)] if start else [(parent.values, own) for own in _from_periods(effect, one, parent)]
@@ -108,7 +165,7 @@ def _with_one_more(
     likely = resonance_at(problem, found, sharp.place, sharp.steps, sharp.law)
     if found.fit.shortfall == 0 or not likely or likely[0].explained < worth_of_resonance(count):
         return None
-    effect, one = _candidate(problem, sharp.place, sharp.steps, several(sharp.law, count))
+    effect, one = _candidate(problem, parent, sharp.place, sharp.steps, several(sharp.law, count))
     more = effect.physical({numbered(name, count): value for name, value in likely[0].start.items()})
     known = {name: found.values[name] for name in before.parameters}
     start = known | {one.prefix + name: value for name, value in more.items()}
@@ -117,13 +174,20 @@ def _with_one_more(
     return None if best is None else (effect, one, best)
 
 
-def _candidate(problem: Problem, place: Place, steps: tuple[str, ...], law: Law) -> tuple[LearnedLaw, Candidate]:
-    """Return a law as an effect of these steps, with its frequencies in their recorded band."""
+def _has(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...], law: Law) -> bool:
+    """Return whether these steps have this law already: a second one of the same form is no different law."""
+    known = learned_in(problem, parent)
+    return any(one.place == place and one.law.name == law.name and not set(steps).isdisjoint(at) for one, at in known)
+
+
+def _candidate(
+    problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...], law: Law
+) -> tuple[LearnedLaw, Candidate]:
+    """Return a law as a further effect of these steps, with its frequencies in their recorded band."""
     stack = stack_of(problem.recordings[-1].model)
     ends = [recording.sweep.frequency[[0, -1]] for recording in problem.recordings if recording.step in steps]
-    effect = LearnedLaw(
-        place, law, stack, band=(min(float(end[0]) for end in ends), max(float(end[1]) for end in ends))
-    )
+    band = min(float(end[0]) for end in ends), max(float(end[1]) for end in ends)
+    effect = LearnedLaw(place, law, stack, band=band, number=number_at(problem, parent, place.where))
     return effect, Candidate(effect, place.where, steps, effect.effect_parameters(stack, place.where))
 
 
@@ -164,8 +228,8 @@ def _fitted(
     for values, start in starts:
         for own in dict.fromkeys(sizes):
             try:
-                once = fitted(problem, effects, {**values, **start}, (own,), near=True, rounds=4, tau=False)
-                made.append(fitted(problem, effects, once.values, (once.fit.sizes,), near=True, rounds=1, tau=False))
+                once = usually_fitted(problem, effects, {**values, **start}, (own,), rounds=4)
+                made.append(usually_fitted(problem, effects, once.values, (once.fit.sizes,), rounds=1))
             except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
                 continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)

@@ -6,49 +6,29 @@ from functools import partial
 
 import numpy as np
 
-from ....models.base.arrays import Complexes, Frequencies, Reals
 from ....models.base.errors import PzctlError
 from ....models.effects import Device
-from ....models.effects.learned.corrections import Place, places
-from ....models.effects.learned.learned import NAME, LearnedLaw
+from ....models.effects.learned.corrections import INSTRUMENT, Place, places
+from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
 from ...engine.on_cores import on_cores
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER, Minimum
-from ...error_model.uncertainty_sources import spread_of
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, marginal_of
+from ..hypotheses.candidates import step_groups
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, marginal_of
+from ..hypotheses.instrument_artefacts import InstrumentArtefact
 from ..hypotheses.problem import Candidate, Problem
+from .drawn_corrections import PlacedCorrection, drawn
+from .usual_fits import usually_fitted
 
 PLACES = 4
 """Budget: number of places at which a correction is fitted; the others explain less to first order."""
 SIZES = (1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)
 """Prior standard deviations of a correction, equally probable."""
-_SHOWN = 60
-"""Frequencies at which a correction is drawn."""
-_TINY = 1e-6
-"""Step of a coordinate by which a derivative is taken."""
 _STEP = 0.5
 """Fraction of a linear step from which a nonlinear fit starts: a full step overshoots at a resonance."""
-
-
-@dataclass(frozen=True, eq=False)
-class PlacedCorrection:
-    """A fitted smooth correction at one place."""
-
-    place: Place
-    steps: tuple[str, ...]
-    hypothesis: Hypothesis
-    probability: float
-    """Probability that the missing physics acts here, among all places and nowhere."""
-    frequency: Frequencies
-    """Hz, shape (K,)."""
-    correction: Complexes
-    """Posterior mean at these frequencies, dimensionless, shape (K,)."""
-    u_re: Reals
-    u_im: Reals
-    """Standard uncertainties of its real and imaginary part, shape (K,)."""
 
 
 def placed_corrections(
@@ -58,19 +38,18 @@ def placed_corrections(
     jobs: int = 1,
     thorough: bool = True,
 ) -> tuple[PlacedCorrection, ...]:
-    """Return a smooth correction at each place of the device in addition to a hypothesis, most probable first.
+    """Return a smooth correction at each place in addition to a hypothesis, most probable first.
 
-    No other smooth error of the constants is allowed with it: the question is which single place explains the residual.
+    It is the same in all recordings that show the place: that is what tells places apart. No other smooth error of the
+    constants is allowed with it: the question is which single place explains the residual.
     `jobs`: number of processes. `thorough`: whether each correction is fitted from several starts and without errors of
     the effects' formulas, as a law that is learned from it needs; otherwise from its first-order solution alone.
     """
     try:
-        alone = fitted(
-            problem, parent.effects, parent.values, (parent.fit.sizes,), near=True, tau=False, shape=not thorough
-        )
+        alone = usually_fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), shape=not thorough)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
-    everywhere = free_places(problem, parent)
+    everywhere = all_places(problem)
     progress(f"trying a correction of each of {len(everywhere)} places")
     trials = on_cores([partial(_screened, problem, parent, *place) for place in everywhere], jobs)
     screened = [(trial, *place) for trial, place in zip(trials, everywhere, strict=True) if trial is not None]
@@ -84,40 +63,55 @@ def placed_corrections(
         return ()
     best = max((hypothesis for *_, hypothesis in found), key=lambda one: one.log_evidence)
     temper = best.coarseness
-    weights = np.array([alone.log_evidence, *(one.log_evidence - np.log(len(found)) for *_, one in found)]) / temper
+    prior = [_log_odds(place) - float(np.log(len(found))) for place, *_ in found]
+    with_it = [one.log_evidence + own for own, (*_, one) in zip(prior, found, strict=True)]
+    weights = np.array([alone.log_evidence, *with_it]) / temper
     part = np.exp(weights - np.max(weights))
     shares = (part / np.sum(part)).tolist()[1:]
-    drawn = [_drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
-    return tuple(sorted(drawn, key=lambda one: -one.probability))
+    shown = [drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
+    return tuple(sorted(shown, key=lambda one: -one.probability))
 
 
-def free_places(
-    problem: Problem, parent: Hypothesis, *, loads: bool = False
-) -> tuple[tuple[Place, tuple[str, ...]], ...]:
-    """Return every place at which a hypothesis has no law yet, with the steps whose recordings show it.
+def all_places(problem: Problem, *, loads: bool = False) -> tuple[tuple[Place, tuple[str, ...]], ...]:
+    """Return every place at which a correction can act, with the steps whose recordings show it.
 
-    One law is possible at one place. `loads`: with the factors of loads, which a smooth correction needs not: a smooth
-    factor of a load is a smooth impedance added to it.
+    What is inside of a device is the same in all steps that have it; the leads can be the same in all steps, differ
+    from one step on, or in one; the front of a step is buried by the next. What the instrument reads is the same for
+    every device, so it is a place only if several steps were recorded: of a single device, its error cannot be told
+    from one of the device. `loads`: with the factors of loads, which a smooth correction needs not: a smooth factor of
+    a load is a smooth impedance added to it.
     """
-    taken = {one.where for one in parent.effects if one.effect.name == NAME}
-    return tuple(
-        (place, steps)
-        for place, steps in _places(problem).items()
-        if place.where not in taken and (loads or place.quantity != "load")
-    )
+    own = [(place, steps) for place, steps in _places(problem).items() if loads or place.quantity != "load"]
+    found = [(place, group) for place, steps in own for group in step_groups(place.where, steps)]
+    return (*found, (INSTRUMENT, problem.steps)) if len(problem.steps) > 1 else tuple(found)
+
+
+def _log_odds(place: Place) -> float:
+    """Return ln prior odds of a place relative to others: faults of an instrument are rarer than missing physics."""
+    return float(np.log(InstrumentArtefact.odds)) if place == INSTRUMENT else 0.0
+
+
+def number_at(problem: Problem, parent: Hypothesis, where: str) -> int:
+    """Return the number that a further law at a place would have, after those of a hypothesis and of the build."""
+    return 1 + max((one.number for one, _ in learned_in(problem, parent) if one.place.where == where), default=0)
+
+
+def learned_in(problem: Problem, parent: Hypothesis) -> list[tuple[LearnedLaw, tuple[str, ...]]]:
+    """Return the laws of the build and of a hypothesis, with the steps that have them."""
+    devices = [(one.model, one.step) for one in problem.recordings if isinstance(one.model, Device)]
+    everything = [(added.effect, (step,)) for device, step in devices for added in device.added]
+    everything += [(one.effect, one.steps) for one in parent.effects]
+    return [(effect, steps) for effect, steps in everything if isinstance(effect, LearnedLaw)]
 
 
 def _places(problem: Problem) -> dict[Place, tuple[str, ...]]:
     """Return every place with the steps whose recordings show it."""
     steps: dict[Place, list[str]] = {}
-    last = problem.steps[-1]
     for recording in problem.recordings:
         device = recording.model
         if not isinstance(device, Device) or not isinstance(device.bare, Stack):
             continue
         for place in places(device.bare):
-            if place.where == "face:front" and recording.step != last:
-                continue  # buried by the next step
             own = steps.setdefault(place, [])
             if recording.step not in own:
                 own.append(recording.step)
@@ -170,7 +164,8 @@ def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[s
     high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
     trials: list[_Trial] = []
     for size in SIZES:
-        one = candidate(SmoothCorrection(place, size, (low, high)), steps, stack)
+        number = number_at(problem, parent, place.where)
+        one = candidate(SmoothCorrection(place, size, (low, high), number), steps, stack)
         try:
             trials.append(_linear(problem, parent, one))
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
@@ -204,8 +199,8 @@ def _fitted(
 def _end(problem: Problem, plan: _Plan) -> tuple[float, Minimum] | None:
     """Return the ln evidence and the minimum that a fit reaches."""
     try:
-        made = fitted(
-            problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, tau=False, shape=plan.shape
+        made = usually_fitted(
+            problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, shape=plan.shape
         )
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None
@@ -227,59 +222,3 @@ def _linear(problem: Problem, parent: Hypothesis, one: Candidate) -> _Trial:
     step = value.step / max(1.0, float(np.max(np.abs(value.step))))
     start, _ = marginal.objective.coordinates.forward(x + _STEP * step)
     return _Trial(one, value.log_evidence, sizes, dict(start))
-
-
-def _drawn(
-    problem: Problem, place: Place, steps: tuple[str, ...], made: Hypothesis, probability: float
-) -> PlacedCorrection:
-    """Return the correction as a function of frequency with its posterior band."""
-    effect = made.effects[-1].effect
-    if not isinstance(effect, SmoothCorrection):
-        raise TypeError(f"no smooth correction in {effect.name}")
-    recordings = [recording for recording in problem.recordings if recording.step in steps]
-    low = min(float(recording.sweep.frequency[0]) for recording in recordings)
-    high = max(float(recording.sweep.frequency[-1]) for recording in recordings)
-    frequency = np.geomspace(low, high, _SHOWN)
-    basis = effect.basis(stack_of(problem.recordings[-1].model))
-    free = made.objective.coordinates.free
-    at = [free.index(name) for name in made.effects[-1].parameters]
-    a = np.array([made.values[name] for name in made.effects[-1].parameters])
-    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
-    unit = np.stack([effect.size * basis.over(frequency, row) for row in np.eye(a.size)], axis=1)
-    scale = np.array([_width(made, k) for k in at])
-    columns = unit * scale
-    u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
-    return PlacedCorrection(place, steps, made, probability, frequency, unit @ a, u_re, u_im)
-
-
-def drawn_law(effect: LearnedLaw, one: Candidate, made: Hypothesis) -> PlacedCorrection:
-    """Return the correction of a fitted law, the last effect of a hypothesis, as a function of frequency."""
-    frequency = np.geomspace(*effect.band, _SHOWN)
-    coordinates, x = made.objective.coordinates, made.fit.x
-    at = [coordinates.free.index(name) for name in one.parameters]
-
-    def correction(x: Reals) -> Complexes:
-        values, _ = coordinates.forward(x)
-        own = {knob.name: values[name] for name, knob in zip(one.parameters, one.effect_parameters, strict=True)}
-        return effect.correction(own)(frequency)
-
-    here = correction(x)
-    columns = np.stack([(correction(x + _TINY * np.eye(x.size)[k]) - here) / _TINY for k in at], axis=1)
-    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
-    u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
-    quantity = "impedance" if effect.place.quantity == "load" else effect.place.quantity
-    place = Place(effect.place.where, quantity)
-    return PlacedCorrection(place, one.steps, made, 0.0, frequency, here, u_re, u_im)
-
-
-def _spread(columns: Reals, covariance: Reals) -> Reals:
-    """Return the standard uncertainty of a curve from the derivatives by its coefficients, shape (K, M)."""
-    return np.asarray(np.sqrt(np.maximum(np.einsum("km,mn,kn->k", columns, covariance, columns), 0)), np.float64)
-
-
-def _width(made: Hypothesis, k: int) -> float:
-    """Return d parameter / d coordinate of a coefficient."""
-    _, chain = made.objective.coordinates.forward(made.fit.x)
-    names = made.objective.coordinates.parameters
-    name = made.objective.coordinates.free[k]
-    return float(chain[names.index(name), k])

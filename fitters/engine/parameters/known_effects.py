@@ -34,7 +34,7 @@ class KnownEffect:
     @property
     def parameters(self) -> tuple[tuple[str, EffectParameter], ...]:
         """Full names (`lead-inductance@terminals.inductance`) with the parameters."""
-        prefix = f"{self.effect.name}@{self.spec.where}."
+        prefix = f"{self.effect.key}@{self.spec.where}."
         return tuple((prefix + knob.name, knob) for knob in self.effect_parameters)
 
     @property
@@ -62,13 +62,16 @@ class KnownEffect:
 def known_effects(specs: Sequence[EffectSpec], stacks: Mapping[str, Stack]) -> tuple[KnownEffect, ...]:
     """Return the effects of a build; `stacks`: nominal stack of each of its steps, in gluing order.
 
+    Several laws can be learned at one place; the first of them acts innermost.
     Raises KnownEffectError for an effect that this sample cannot have.
     """
-    found = tuple(_known(spec, stacks) for spec in specs)
-    names = [f"{one.effect.name} at {one.spec.where}" for one in found]
-    for name in names:
-        if names.count(name) > 1:
-            raise KnownEffectError(f"{name} is given twice; one effect of a kind is possible at one place")
+    places = [(spec.effect, spec.where) for spec in specs]
+    found = tuple(_known(spec, stacks, places[: k + 1].count(places[k])) for k, spec in enumerate(specs))
+    for one in found:
+        if one.spec.effect != NAME and places.count((one.spec.effect, one.spec.where)) > 1:
+            raise KnownEffectError(
+                f"{one.effect.name} at {one.spec.where} is given twice; one effect of a kind is possible at one place"
+            )
     return found
 
 
@@ -95,11 +98,16 @@ def parameter_key(knob: EffectParameter) -> str:
     return knob.name if unit in ("", "1") else f"{knob.name}_{unit}"
 
 
-def effect_parameters(spec: EffectSpec, stacks: Mapping[str, Stack]) -> tuple[Effect, tuple[EffectParameter, ...]]:
-    """Return the effect named in a build, and its parameters at that place. Raises KnownEffectError."""
+def effect_parameters(
+    spec: EffectSpec, stacks: Mapping[str, Stack], number: int = 1
+) -> tuple[Effect, tuple[EffectParameter, ...]]:
+    """Return the effect named in a build, and its parameters at that place. Raises KnownEffectError.
+
+    `number`: which of the laws learned at its place it is.
+    """
     steps = _steps_of(spec, stacks)
     stack = stacks[steps[-1]]
-    effect = _learned(spec, stack) if spec.effect == NAME else _of_catalogue(spec)
+    effect = _learned(spec, stack, number) if spec.effect == NAME else _of_catalogue(spec)
     places = {where: None for step in steps for where in effect.places(stacks[step])}
     if spec.where not in places:
         raise KnownEffectError(f"{effect.name}: where is {spec.where!r}; {among(spec.where, list(places))}")
@@ -120,21 +128,21 @@ def _of_catalogue(spec: EffectSpec) -> Effect:
     return effect
 
 
-def _learned(spec: EffectSpec, stack: Stack) -> Effect:
-    known = get_args(corrections.Quantity)
+def _learned(spec: EffectSpec, stack: Stack, number: int) -> Effect:
+    known = get_args(corrections.OfSample)
     if spec.quantity not in known:
         raise KnownEffectError(f"{NAME}: quantity is {spec.quantity!r}; {among(spec.quantity, list(known))}")
-    place = corrections.Place(spec.where, cast(corrections.Quantity, spec.quantity))
+    place = corrections.Place(spec.where, cast(corrections.OfSample, spec.quantity))
     if place not in corrections.places(stack):
         there = [one.where for one in corrections.places(stack) if one.quantity == spec.quantity]
         raise KnownEffectError(f"{NAME}: where is {spec.where!r}; {among(spec.where, there)}")
     if not 0 <= spec.reference < np.inf:
         raise KnownEffectError(f"{NAME}: reference_Hz is {spec.reference:g}; a frequency above 0 is needed")
-    return learned_law(place, spec.law, stack, spec.reference)
+    return learned_law(place, spec.law, stack, spec.reference, number)
 
 
-def _known(spec: EffectSpec, stacks: Mapping[str, Stack]) -> KnownEffect:
-    effect, knobs = effect_parameters(spec, stacks)
+def _known(spec: EffectSpec, stacks: Mapping[str, Stack], number: int) -> KnownEffect:
+    effect, knobs = effect_parameters(spec, stacks, number)
     if not knobs:
         raise KnownEffectError(f"{effect.name} has no size that a fit could use; correct the recording instead")
     keys = {knob.name: parameter_key(knob) for knob in knobs}

@@ -30,7 +30,7 @@ class Added:
     @cached_property
     def prefix(self) -> str:
         """Common prefix of its parameters' names."""
-        return f"{self.effect.name}@{self.where}."
+        return f"{self.effect.key}@{self.where}."
 
     def parameters(self) -> dict[str, float]:
         """Return its values by full parameter name."""
@@ -52,9 +52,7 @@ def small_step(knob: EffectParameter, value: float) -> float:
 
 def _from_within(added: Sequence[Added]) -> list[Added]:
     """Return effects in the order in which they act, from the inside outwards."""
-    return sorted(
-        added, key=lambda added_effect: (added_effect.effect.stage, added_effect.effect.name, added_effect.where)
-    )
+    return sorted(added, key=lambda one: (one.effect.stage, one.effect.name, one.where, one.effect.number))
 
 
 @dataclass(frozen=True)

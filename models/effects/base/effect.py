@@ -7,6 +7,7 @@ from enum import IntEnum
 from itertools import pairwise
 from typing import ClassVar
 
+from ...base.names import numbered
 from ...stack import Stack
 from .assembly import Assembly
 
@@ -91,6 +92,8 @@ class Effect(ABC):
     """Additional measurement that distinguishes it from its look-alikes."""
     references: ClassVar[tuple[str, ...]]
     stage: Stage = Stage.LAYERS
+    number: int = 1
+    """Which of the effects of its name at its place it is: several laws can be learned at one place."""
     sizes: ClassVar[int] = 1
     """Number of leading parameters that are sizes: the effect is absent if all of them are null."""
 
@@ -109,6 +112,11 @@ class Effect(ABC):
     def physics(self) -> str:
         """The physics in words, for the list of effects."""
         return " ".join((self.__doc__ or "").split())
+
+    @property
+    def key(self) -> str:
+        """Its name in the names of parameters: `learned`, and `learned-2` for the second at its place."""
+        return numbered(self.name, self.number)
 
     @property
     def law_name(self) -> str:

@@ -1,7 +1,7 @@
 """Places at which a function of frequency can correct a device.
 
-Every correction is a dimensionless function g(f): a constant becomes M (1 + g), and an impedance or admittance
-g times its natural size is added to a path, a face or an interface.
+Every correction is a dimensionless function g(f): a constant, or the reading of the instrument, becomes M (1 + g), and
+an impedance or admittance g times its natural size is added to a path, a face or an interface.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,9 +24,11 @@ from ..base.modified_laws import Multiple, with_stiffness_law
 from ..base.modified_loads import CorrectedLoad, SupportedLoad, is_backing
 from ..base.scale import acoustic_impedance, reactance
 
-Quantity = Literal[
+OfSample = Literal[
     "stiffness", "permittivity", "coupling", "compliance", "inertia", "impedance", "load", "series", "shunt"
 ]
+"""Quantities of a device and its leads, which a build can state."""
+Quantity = OfSample | Literal["reading"]
 Correction = Callable[[Frequencies], Complexes]
 """Maps Hz, shape (N,), to the dimensionless correction, shape (N,)."""
 
@@ -49,6 +51,8 @@ class Place:
         """The stage at which the correction acts."""
         if self.quantity in CONSTANTS:
             return Stage.CONSTANTS
+        if self.quantity == "reading":
+            return Stage.ACQUISITION
         return Stage.TERMINALS if self.where == TERMINALS else Stage.LAYERS
 
     @property
@@ -67,7 +71,12 @@ _SAYS: Mapping[Quantity, str] = {
     "load": "the backing at the {where}",
     "series": "the impedance in series with the device",
     "shunt": "the admittance across the device",
+    "reading": "the reading of the instrument",
 }
+
+
+INSTRUMENT = Place("instrument", "reading")
+"""The impedance that the instrument reads, whatever device it is: no place of a stack."""
 
 
 def natural_size(stack: Stack, quantity: Quantity) -> tuple[float, str]:
@@ -104,6 +113,8 @@ def load_at(stack: Stack, where: str) -> Load:
 
 def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
     """Return the device with this correction."""
+    if place.quantity == "reading":
+        return assembly.recorded(lambda _, frequency, Z: Z * (1 + g(frequency)))
     if place.quantity == "series":
         z0 = reactance(assembly.nominal)
         return assembly.behind(lambda jw, Z: (Z + z0 * g(jw.imag / (2 * np.pi)), np.ones_like(Z)))

@@ -102,7 +102,9 @@ _DELAY = _shape("delay", 0.2, 50.0, 2.0)
 
 
 def laws(quantity: Quantity) -> tuple[Law, ...]:
-    """Return the laws for a quantity, simplest first."""
+    """Return the laws for a quantity, simplest first; none for a reading: an instrument follows no law of physics."""
+    if quantity == "reading":
+        return ()
     if quantity in CONSTANTS:
         return _of_constant(quantity)
     if quantity == "load":

@@ -45,13 +45,16 @@ class LearnedLaw(Effect):
         stack: Stack,
         reference: float = 0.0,
         band: tuple[float, float] = (0.0, float("inf")),
+        number: int = 1,
     ) -> None:
         """Make the effect; `reference`: where the law has its size, Hz, 0 for the resonance of the stack.
+
+        `number`: which of the learned laws at its place it is; the first acts innermost.
 
         `band`: the recorded band, Hz. A relaxation or resonance is looked for in it, because one beyond it cannot be
         told from a power law, a resistance or a change of the constants.
         """
-        self.band = band
+        self.band, self.number = band, number
         self.place, self.law, self.stage = place, law, place.stage
         self.reference = reference or resonance(stack)
         self.natural, self.unit = natural_size(stack, place.quantity)
@@ -136,9 +139,9 @@ def circuit_element(place: Place, law: Law, reference: float, size: float) -> di
     return {}
 
 
-def learned_law(place: Place, name: str, stack: Stack, reference: float = 0.0) -> LearnedLaw:
+def learned_law(place: Place, name: str, stack: Stack, reference: float = 0.0, number: int = 1) -> LearnedLaw:
     """Return the effect of a law at a place of a stack. Raises PzctlError for an unknown law."""
-    return LearnedLaw(place, find_law(place, name), stack, reference)
+    return LearnedLaw(place, find_law(place, name), stack, reference, number=number)
 
 
 def find_law(place: Place, name: str) -> Law:

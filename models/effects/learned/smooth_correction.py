@@ -83,8 +83,9 @@ class SmoothCorrection(Effect):
         "Sargsyan, Najm and Ghanem, Int. J. Chem. Kinet. 47 (2015) 246: discrepancy embedded in the model",
     )
 
-    def __init__(self, place: Place, size: float, band: tuple[float, float]) -> None:
-        self.place, self.size, self.band = place, size, band
+    def __init__(self, place: Place, size: float, band: tuple[float, float], number: int = 1) -> None:
+        """Make the effect; `band`: Hz; `number`: which of the learned effects at its place it is."""
+        self.place, self.size, self.band, self.number = place, size, band, number
         self.stage = place.stage
 
     def places(self, stack: Stack) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_o
 from pzctl.fitters.diagnosis.learning.delays import delays_at
 from pzctl.fitters.diagnosis.learning.laws import sharp_laws
 from pzctl.fitters.diagnosis.learning.learned_effect import Learning
-from pzctl.fitters.diagnosis.learning.places import free_places
+from pzctl.fitters.diagnosis.learning.places import all_places
 from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
@@ -145,7 +145,7 @@ def test_several_resonances_at_one_place_are_one_law(bare: Device) -> None:
 def _sharp(device: Device) -> tuple[SharpCorrection, ...]:
     problem = Problem.of(solve(recorded(device.impedance(F)), lambda _: None), None)
     null = fitted(problem, (), problem.values)
-    return sharp_corrections(problem, null, free_places(problem, null, loads=True))
+    return sharp_corrections(problem, null, all_places(problem, loads=True))
 
 
 def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
@@ -166,3 +166,18 @@ def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
     assert with_lines.log_evidence > null.log_evidence + 50
     nothing = Problem.of(solve(recorded(stack.impedance(F)), lambda _: None), None)
     assert weak_lines(fitted(nothing, (), nothing.values, near=True)) == ()
+
+
+def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device) -> None:
+    """A conductance across a contact, both at the terminals; the smooth corrections of all places compete."""
+    f = np.linspace(1.5e6, 7.5e6, 61)
+    task = recorded(1 / (1 / (bare.bare.impedance(f) + 4.0) + 4e-3), f)
+    problem = Problem.of(solve(task, lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    contact = _candidate(learned_law(Place("terminals", "series"), "resistance", bare.bare), "terminals", bare.bare)
+    first = fitted(problem, (contact,), problem.values)
+    left = Conclusion(null, first, (), remaining_of(first), something_left=True, something_else=1.0, nearest=None)
+    found, _ = Learning(problem).extended(left, [first])
+    laws = {one.prefix: one.effect.law_name for one in found.final.effects}
+    assert laws == {"learned@terminals.": "series-resistance", "learned-2@terminals.": "shunt-resistance"}
+    assert found.final.values["learned-2@terminals.size"] == pytest.approx(4e-3, rel=0.03)

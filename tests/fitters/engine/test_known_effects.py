@@ -105,3 +105,16 @@ def test_a_learned_law_needs_a_place_and_a_law_of_its_quantity() -> None:
         parse_build(TEXT + law.format("spring"))
     with pytest.raises(BuildError, match="learned: where is 'face:back'; there are layer:disk"):
         parse_build(TEXT + law.format("debye").replace("layer:disk", "face:back"))
+
+
+def test_several_laws_can_be_learned_at_one_place() -> None:
+    """They act in the order of the file, the first innermost; the second is called `learned-2`."""
+    law = '\n[[effects]]\neffect = "learned"\nwhere = "terminals"\nlaw = "resistance"\n'
+    series = law + 'quantity = "series"\nsize_ohm = 3\n'
+    shunt = law + 'quantity = "shunt"\nsize_S = { value = 1e-3, u = 5e-4 }\n'
+    build = parse_build(TEXT + series + shunt)
+    Z = stack_of(build, build.step("disk")).impedance(F)
+    fit = run(load_fitter("mason"), FitTask(build, {"disk": (Sweep(F, 1 / (1 / (Z + 3) + 2e-3)),)}))
+    assert fit.constants["learned-2@terminals.size"].re == pytest.approx(2e-3, rel=1e-3)
+    assert fit.chi2_per_dof < 2
+    assert build.data_sheet["learned@terminals.size"].re == 3

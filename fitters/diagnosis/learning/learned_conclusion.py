@@ -1,0 +1,87 @@
+"""The conclusion of a diagnosis with a learned law: what is named, with which probability, and what else might be."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..decision_rules import LEFT
+from ..findings import Alternative
+from ..hypotheses.hypothesis import Hypothesis, fitted
+from ..hypotheses.problem import Candidate, Problem
+from ..inference.conclusion import Conclusion, NamedEffect, remaining_of
+from ..inference.effect_size import sizes_of
+from .drawn_corrections import PlacedCorrection
+from .explanations import Choice
+
+_SAID = 0.01
+"""Smallest probability at which an alternative is mentioned."""
+
+
+def concluded(problem: Problem, conclusion: Conclusion, choice: Choice, final: Hypothesis) -> Conclusion:
+    """Return the conclusion from the best explanation."""
+    moves = sizes_of(problem, final)
+    before = {one.candidate: one for one in conclusion.named}
+    one_law = choice.law
+    named = [
+        NamedEffect(
+            one_law.candidate,
+            choice.probability,
+            moves[one_law.candidate],
+            _share(choice.best.parent, final),
+            "finding",
+            choice.best.parent,
+            (),
+            _alternatives(choice, conclusion),
+        )
+    ]
+    for effect in choice.best.parent.effects:
+        without = choice.without(effect) or _less(problem, final, effect)
+        share, known = _share(without, final), before.get(effect)
+        if known is not None:
+            named.append(replace(known, moves=moves[effect], share=share, without=without))
+        else:
+            sure = choice.inclusion(effect)
+            named.append(NamedEffect(effect, sure, moves[effect], share, "finding", without, (), ()))
+    return replace(
+        conclusion,
+        final=final,
+        named=tuple(sorted(named, key=lambda one: -one.moves)),
+        remaining=remaining_of(final),
+        something_left=final.unexplained > LEFT,
+        nearest=None,
+    )
+
+
+def _alternatives(choice: Choice, conclusion: Conclusion) -> tuple[Alternative, ...]:
+    """Return the named effects that the law replaces, and the other laws, with their probabilities."""
+    replaced = [one.candidate for one in conclusion.named if one.candidate not in choice.best.parent.effects]
+    catalogue = [Alternative(one.effect.name, one.where, choice.inclusion(one)) for one in replaced]
+    by_law: dict[tuple[str, str], float] = {}
+    for share, one in zip(choice.shares, choice.explanations, strict=True):
+        if one.law is not None:
+            key = f"learned ({one.law.effect.law.name})", one.law.placed.place.where
+            by_law[key] = by_law.get(key, 0.0) + share
+    by_law.pop((f"learned ({choice.law.effect.law.name})", choice.law.placed.place.where), None)
+    others = [Alternative(name, where, share) for (name, where), share in sorted(by_law.items(), key=lambda it: -it[1])]
+    return tuple(one for one in (*catalogue, *others) if one.probability > _SAID)
+
+
+def _less(problem: Problem, final: Hypothesis, effect: Candidate) -> Hypothesis:
+    """Return the explanation fitted without one of its effects."""
+    rest = tuple(one for one in final.effects if one is not effect)
+    return fitted(problem, rest, final.values, (final.fit.sizes,), near=True, tau=False, shape=False)
+
+
+def _share(without: Hypothesis, final: Hypothesis) -> float:
+    """Return the part of the squared misfit that an effect explains."""
+    before, after = without.unexplained, final.unexplained
+    return max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0
+
+
+def with_its_place(places: Sequence[PlacedCorrection], choice: Choice) -> tuple[PlacedCorrection, ...]:
+    """Return the places of smooth corrections, with that of the best law in front if it was found by its sharpness."""
+    own = choice.law.placed
+    if any(one is own for one in places):
+        return tuple(places)
+    others = (one for one in places if one.place != own.place)
+    rest = [replace(one, probability=one.probability * max(0.0, 1 - choice.probability)) for one in others]
+    return (replace(own, probability=choice.probability), *rest)
