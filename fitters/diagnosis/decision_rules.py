@@ -21,7 +21,7 @@ CLASS_NATS = 3.0
 SOFT, WORTH = 10.0, 3.0
 """Gain in ln likelihood from which an effect is fitted: when the whole residual counts as noise, and beside an error
 model. The prior odds against an effect are about as much."""
-FITTED_FIRST, FITTED_LATER, POLISHED = 8, 4, 2
+FITTED_FIRST, FITTED_LATER, POLISHED = 16, 4, 2
 """Budget: effects fitted alone, effects fitted beside others, and hypotheses fitted to convergence."""
 EXACT_FIRST, EXACT_LATER = 12, 8
 """Budget of the search without errors: effects fitted alone and beside others."""

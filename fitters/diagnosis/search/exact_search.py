@@ -14,7 +14,7 @@ from ....models.effects import EffectParameter
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
-from ..decision_rules import ABSORBED, EXACT_FIRST, EXACT_LATER, MOST, NEAR, UNFINISHED, WORTH
+from ..decision_rules import ABSORBED, EXACT_FIRST, EXACT_LATER, LEFT, MOST, NEAR, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, screened
@@ -28,9 +28,9 @@ def exact_hypotheses(
     """Return the hypotheses without errors that are about as probable as `start`, which has errors, or more.
 
     Effects are added to those of `start` one by one as long as that helps, provided that its errors leave nothing but
-    noise: nothing hides behind others.
+    noise, and that its model's are no larger than a good device's: beside larger ones an effect stands out by itself.
     """
-    hidden = start.fit.shortfall == 0 and not start.fit.sizes.exact
+    hidden = start.fit.shortfall == 0 and not start.fit.sizes.exact and start.unexplained <= LEFT
     begun = _fitted(problem, start.effects, start.values) if hidden else None
     if begun is None:
         return []
