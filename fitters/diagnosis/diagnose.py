@@ -141,7 +141,8 @@ class _FiniteDiameter:
             return None
         made = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
         self._tried = (made,)
-        return lateral.finite(made, self.task, null, null) if made is not None and made.described else None
+        sure = made is not None and lateral.leaves_no_other(made, null)
+        return lateral.finite(made, self.task, null, null) if made is not None and sure else None
 
     def _an_effect_may_do(self) -> bool:
         """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's."""

@@ -30,7 +30,7 @@ from ..findings import Finding, FitSummary, Size
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
-from .disk_with_wires import DESCRIBED, disks, is_narrow, ratio_of, with_terminals
+from .disk_with_wires import disk_with_wires, is_narrow, ratio_of
 
 NAME = "lateral-modes"
 _SHOWS = 0.02
@@ -39,6 +39,8 @@ plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
 _RIM, _FALL, _LEAST = 7.0, -1.4, 0.3
 """Rms of ln Z that the best plate leaves of a disk, as a power of diameter/thickness (see `_SHOWS`), and the part of it
 below which no rim is looked for."""
+_LEFT = 0.1
+"""Part of what a plate leaves of ln Z (rms) that a disk may leave to explain it."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
@@ -50,14 +52,9 @@ class DiskTried:
     alone: FittedDisk
     whole: FittedDisk
     beside: tuple[Candidate, ...]
-    """Effects at the terminals of the whole."""
+    """Effects of the whole, at its terminals or in its laws."""
     result: FitResult
     """Of the whole."""
-
-    @property
-    def described(self) -> bool:
-        """Whether the residual is within the accuracy of the two-dimensional model."""
-        return self.result.rms_log_error < DESCRIBED
 
     @property
     def model(self) -> FittedModel:
@@ -130,11 +127,18 @@ def tried(
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        alone, base = disks(task, hopeless, progress, jobs)
-        whole, added = with_terminals(alone, base, progress, jobs)
-        return DiskTried(alone, whole, added, disk_result(whole, time.perf_counter() - began))
+        found = disk_with_wires(task, hopeless, progress, jobs)
+        return DiskTried(found.alone, found.whole, found.beside, disk_result(found.whole, time.perf_counter() - began))
     except FitError:
         return None
+
+
+def leaves_no_other(made: DiskTried, null: Refit) -> bool:
+    """Return whether the disk leaves so little that no plate, whatever effects it has, needs to be looked for.
+
+    It then explains the misfit as `explained` means it: a tenth of the change of ln Z remains, or less.
+    """
+    return made.result.rms_log_error < _LEFT * _rms(null)
 
 
 def finite(made: DiskTried, task: FitTask, null: Refit, best: Refit) -> FiniteDisk | None:
