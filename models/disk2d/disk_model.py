@@ -12,10 +12,13 @@ from ..base.names import require
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
 from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, require_positive
-from .capacitance import CapacitanceSlopes, capacitance, slopes
+from .capacitance import CapacitanceSlopes, slopes
 from .full import Shape
 from .matrices import CONSTANTS
 from .reduced import ReducedDisk
+
+_KEPT = 4
+# Results that a disk and its copies keep.
 
 
 @dataclass(frozen=True)
@@ -44,10 +47,8 @@ class Disk2D:
     """The same for both permittivities."""
     rough: bool = False
     """Accurate to a thousandth or so, at half the cost: for a search."""
-    _known: list[tuple[Frequencies, CapacitanceSlopes]] = field(
-        default_factory=list[tuple[Frequencies, CapacitanceSlopes]], init=False, compare=False, repr=False
-    )
-    """One-entry cache of the derivatives, keyed by frequency; reused for those by laws."""
+    _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
+    """The last results of this disk and of copies with other values: a fit asks for values first, then derivatives."""
 
     def __post_init__(self) -> None:
         require_positive(self.name, area=self.area, thickness=self.thickness, density=self.density)
@@ -93,10 +94,7 @@ class Disk2D:
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
-        order = np.argsort(frequency)
-        C = np.zeros(frequency.size, np.complex128)
-        C[order] = capacitance(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
-        return 1 / (j_omega(frequency) * C)
+        return 1 / (j_omega(frequency) * self._slopes(frequency).capacitance)
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
@@ -122,14 +120,22 @@ class Disk2D:
         return -np.sum(made.by_constant * (other.over(frequency) - self.over(frequency)), axis=1) / made.capacitance
 
     def _slopes(self, frequency: Frequencies) -> CapacitanceSlopes:
-        """Return the capacitance and its derivatives, in the order of `frequency`."""
-        for where, known in self._known:
-            if where is frequency:
-                return known
+        """Return the capacitance and its derivatives, which cost little beside it, in the order of `frequency`."""
+        for known in self._known:
+            if known.disk == self and np.array_equal(known.frequency, frequency):
+                return known.slopes
         order = np.argsort(frequency)
         back = np.argsort(order)
         rising = slopes(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
         made = CapacitanceSlopes(*(getattr(rising, one.name)[back] for one in fields(rising)))
-        if not frequency.flags.writeable:  # a recording's: it stays what it is
-            self._known[:] = [(frequency, made)]
+        self._known[:] = [_Known(self, frequency.copy(), made), *self._known[: _KEPT - 1]]
         return made
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A result of a disk."""
+
+    disk: Disk2D
+    frequency: Frequencies
+    slopes: CapacitanceSlopes
