@@ -39,6 +39,8 @@ plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
 _RIM, _FALL, _LEAST = 7.0, -1.4, 0.3
 """Rms of ln Z that the best plate leaves of a disk, as a power of diameter/thickness (see `_SHOWS`), and the part of it
 below which no rim is looked for."""
+_SHOWN = 10.0
+"""Prior odds that recordings show the rim of a disk so narrow that it could: damped or apodized rims are rare."""
 _LEFT = 0.1
 """Part of what a plate leaves of ln Z (rms) that a disk may leave to explain it."""
 _MORE = 14
@@ -161,8 +163,8 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     """Return the probability of a finite diameter, treating the residual of either explanation as noise of its size.
 
     Ten free constants can imitate much that they do not cause, so they must be plausible for a ceramic. As for any
-    effect, evidence is coarsened by the misfit of the better explanation. The prior odds are even: every disk has a
-    rim, and the only question is whether the recordings show it.
+    effect, evidence is coarsened by the misfit of the better explanation. Every disk has a rim; what `_SHOWN` says is
+    that the recordings of nearly every one show it.
     """
     plates = [_chi2_of(one, result) for one in (null, best)]
     chi2 = max(result.chi2_per_dof, 1.0)
@@ -173,7 +175,7 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
     against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
     log_odds = gain / _coarseness(points * float(np.log(min(chi2, *plates)))) - against
-    return float(expit(log_odds)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
+    return float(expit(log_odds + np.log(_SHOWN))) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 
 
 def _chi2_of(one: Refit, result: FitResult) -> float:
