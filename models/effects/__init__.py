@@ -24,7 +24,6 @@ __all__ = [
     "Stage",
     "catalogue",
     "find_effect",
-    "law_effects",
     "outside_effects",
 ]
 
@@ -52,8 +51,3 @@ def find_effect(name: str) -> Effect:
 def outside_effects() -> tuple[Effect, ...]:
     """Return the effects outside of a device, between it and the analyzer: any model can have them."""
     return tuple(effect for effect in catalogue() if effect.outside and effect.stage is not Stage.ACQUISITION)
-
-
-def law_effects() -> tuple[Effect, ...]:
-    """Return the effects that bend a law of a layer's constants: any model with laws can have them."""
-    return tuple(effect for effect in catalogue() if effect.of_laws)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....models.base.arrays import Reals
 from ....models.base.errors import PzctlError
-from ....models.effects import Added, EffectParameter, find_effect, law_effects, outside_effects
+from ....models.effects import Added, EffectParameter, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
 from ....models.stack import CONSTANT, CausalConstantQ, Stack
 from ...disk.bare_disk import BareDisk, bare_disk
@@ -16,6 +16,7 @@ from ...disk.two_d.disk_fit import NAME, FittedDisk, fitted_disk, reference_of
 from ...disk.two_d.disk_under_diagnosis import plate_of, thinner, with_effects
 from ...disk.two_d.outside import Outside
 from ...engine.fitted_model import without_effects
+from ...engine.objective import Objective
 from ...engine.on_cores import on_cores
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Block, positive
@@ -33,6 +34,9 @@ _WIRES = (
     ("stray-capacitance", TERMINALS, ("capacitance",)),
 )
 """Effects at the terminals, with their parameters, that are fitted together with a disk that does not fit alone."""
+_LAW = "loss-dispersion"
+"""Effect inside of the disk that is tried together with those at the terminals, because each absorbs part of the other:
+a loss that changes over the band looks like a resistance or a cable."""
 _ROUNDS = 4
 """Budget: descents in two dimensions, of at most twelve steps each."""
 _BESIDE = 3
@@ -45,8 +49,8 @@ _PROMISING, _STRETCH = 4, 2.5
 """Budget: effects fitted beside the finite diameter at a time. Largest factor by which a change is scaled linearly."""
 _NARROW = 20.0
 """Diameter/thickness up to which a rim leaves a tenth of ln Z or more."""
-_TRIED = 1.5
-"""chi2 up to which a disk counts as described, so that nothing beside it is looked for here."""
+_DEVIATIONS = 5.0
+"""Standard deviations of chi2 up to which a disk counts as described, so that nothing beside it is looked for here."""
 _FOUND = 100.0
 """chi2 up to which the constants of the disk are taken for the right ones."""
 _FALLS = 0.7
@@ -141,36 +145,68 @@ def with_terminals(alone: FittedDisk, base: FittedDisk, progress: Callable[[str]
     The effect of largest gain comes first. A search that starts from the disk alone does not find them: its constants
     have gone far to imitate them. Trials start from the constants of `base`.
     """
-    nominal = plate_of(alone)
-    steps = (alone.disk.step,)
-    left = [
-        Candidate(effect, where, steps, effect.effect_parameters(nominal, where))
-        for effect in (*outside_effects(), *law_effects())
-        for where in effect.places(nominal)
-        if effect.effect_parameters(nominal, where)
-    ]
-    few, taken, values = thinner(base), list[Candidate](), dict[str, float]()
-    before = _chi2_alone(thinner(alone))
-    starts = _STARTS if base is alone else _NEAR_STARTS
-    while len(taken) < _BESIDE and before > _TRIED:
+    few, taken, values = thinner(base), tuple[Candidate, ...](), dict[str, float]()
+    before, starts = _chi2_alone(thinner(alone)), _STARTS if base is alone else _NEAR_STARTS
+    while len(taken) < _BESIDE and before > _of_noise(few.descent.objective.points):
+        left = [one for one in _choices(few) if (one.effect, one.where) not in [(o.effect, o.where) for o in taken]]
         progress(f"trying {len(left)} effects beside the finite diameter")
-        chosen = _promising(few, taken, [_Start.of(few, taken, one, z) for one in left for z in _sides(one, starts)])
-        ends = on_cores([partial(_beside, few, taken, start) for start in chosen], jobs)
-        points = sum(one.sweep.frequency.size for one in few.descent.objective.recordings)
-        trials = [
-            (_log_odds(points * np.log(before / end[0]), points, start.new), end, start.new)
-            for end, start in zip(ends, chosen, strict=True)
-            if end
-        ]
-        if not trials:
+        found = _best_beside(few, taken, [(one, z) for one in left for z in _sides(one, starts)], before, jobs)
+        if found is None:
             break
-        odds, (chi2, there), one = max(trials, key=lambda trial: trial[0])
-        if odds < 0 or chi2 > _FALLS * before:
-            break
-        few, values, before = _fitted(few, [*taken, one], there), there, chi2
-        left = [other for other in left if other is not one]
-        taken.append(one)
-    return DiskBeside(alone, *_lawful(base, taken, values)) if taken else DiskBeside(alone, alone)
+        one, values = found
+        first, taken = not taken, (*taken, one)
+        few = _fitted(few, taken, values)
+        if first:  # what an effect that was missing did to the losses is no sign of their law
+            few, taken = _lawful(few, taken, values)
+            values = _sizes_of(few, taken)
+        before = _chi2_alone(few)
+    return DiskBeside(alone, *_lawful(_whole(few, base), taken, values)) if taken else DiskBeside(alone, alone)
+
+
+def _whole(few: FittedDisk, base: FittedDisk) -> FittedDisk:
+    """Return a fit to a few points as the start of one to all points, which `base` has."""
+    own, every = few.descent.objective, base.descent.objective.recordings
+    recordings = [replace(one, model=thin.model) for one, thin in zip(every, own.recordings, strict=True)]
+    objective = Objective(recordings, own.coordinates, own.priors)
+    return replace(few, descent=replace(few.descent, objective=objective))
+
+
+def _choices(found: FittedDisk) -> list[Candidate]:
+    """Return what may be beside the finite diameter: effects at the terminals and another law of losses."""
+    nominal = plate_of(found)
+    return [
+        Candidate(effect, where, (found.disk.step,), knobs)
+        for effect in (*outside_effects(), find_effect(_LAW))
+        for where in effect.places(nominal)
+        if (knobs := effect.effect_parameters(nominal, where))
+    ]
+
+
+def _best_beside(
+    few: FittedDisk, taken: Sequence[Candidate], starts: Sequence[tuple[Candidate, float]], before: float, jobs: int
+) -> tuple[Candidate, dict[str, float]] | None:
+    """Return the most probable of further effects, with the parameters of all; None if none explains enough.
+
+    `starts`: effects with the deviations at which their sizes start; `before`: chi2 without any of them.
+    """
+    points = few.descent.objective.points
+    chosen = _promising(few, taken, [_Start.of(few, taken, one, z) for one, z in starts])
+    ends = on_cores([partial(_beside, few, taken, start) for start in chosen], jobs)
+    trials = [
+        (_log_odds(points * np.log(before / end[0]), points, start.new), end, start.new)
+        for end, start in zip(ends, chosen, strict=True)
+        if end
+    ]
+    if not trials:
+        return None
+    odds, (chi2, values), one = max(trials, key=lambda trial: trial[0])
+    return None if odds < 0 or chi2 > _FALLS * before else (one, values)
+
+
+def _sizes_of(found: FittedDisk, effects: Sequence[Candidate]) -> dict[str, float]:
+    """Return the parameters of effects that were fitted together with a disk."""
+    values, _ = found.descent.objective.coordinates.forward(found.descent.x)
+    return {name: values[name] for one in effects for name in one.parameters}
 
 
 def _lawful(
@@ -182,7 +218,7 @@ def _lawful(
     has none.
     """
     made = _fitted(base, effects, start)
-    if _chi2_alone(made) < _TRIED:
+    if _chi2_alone(made) < _of_noise(made.descent.objective.points):
         return made, tuple(effects)
     law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk))
     other = replace(base, model=replace(base.model, law=law))
@@ -264,8 +300,7 @@ def _beside(best: FittedDisk, known: Sequence[Candidate], start: _Start) -> tupl
         made = _fitted(best, [*known, start.new], start.values)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None
-    values, _ = made.descent.objective.coordinates.forward(made.descent.x)
-    return _chi2_alone(made), {name: values[name] for name in start.values}
+    return _chi2_alone(made), _sizes_of(made, [*known, start.new])
 
 
 def _fitted(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
@@ -292,6 +327,11 @@ def _chi2_alone(found: FittedDisk) -> float:
         for one, ratio in zip(objective.recordings, ratios, strict=True)
     ]
     return max(1.0, float(np.mean(np.concatenate(squares))))
+
+
+def _of_noise(points: int) -> float:
+    """Return the chi2 that noise alone hardly exceeds, for so many complex points."""
+    return 1 + _DEVIATIONS / float(np.sqrt(points))
 
 
 def _log_odds(gain: float, points: int, one: Candidate) -> float:
