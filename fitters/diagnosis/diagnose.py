@@ -170,7 +170,7 @@ class _FiniteDiameter:
         held = held_out_chi2(self.problem, null)
         rim = lateral.finding_of(wide, null, held, said.final)
         findings = [*(one for one in said.findings if not _of_the_disk(one)), rim]
-        findings += _beside(wide.probability, [one for one in said.findings if _of_the_disk(one)])
+        findings += lateral.beside(wide, [one for one in said.findings if _of_the_disk(one)])
         verdict = verdict_with(gated, _beside_the_rim(said.verdict))
         before = curves_of(null.objective, null.descent.x, null.descent.x)
         return replace(
@@ -186,15 +186,6 @@ class _FiniteDiameter:
 
 def _of_the_disk(one: Finding) -> bool:
     return not (one.effect == UNKNOWN and one.where != ANY)
-
-
-def _beside(probability: float, found: Sequence[Finding]) -> list[Finding]:
-    """Return the findings on a disk that is a disk of finite diameter with this probability only; none below one half.
-
-    Theirs were conditional on that. What remains unknown does so in either case.
-    """
-    made = [one if one.effect == UNKNOWN else replace(one, probability=probability * one.probability) for one in found]
-    return [one for one, before in zip(made, found, strict=True) if one is before or one.probability >= NAMED]
 
 
 def _beside_the_rim(verdict: Verdict) -> Verdict:

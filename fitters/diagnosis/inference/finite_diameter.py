@@ -27,6 +27,7 @@ from ...engine.recording import Recording
 from ...interface import Constant, Curve, FitError, FitResult, FitTask
 from ..decision_rules import COARSENED_RIM, NAMED
 from ..findings import Finding, FitSummary, Size
+from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
@@ -175,7 +176,7 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
     against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
     log_odds = gain / _coarseness(points * float(np.log(min(chi2, *plates)))) - against
-    return float(expit(log_odds + np.log(_SHOWN))) * max(0.0, 1 - chi2 / max(plates[0], chi2))
+    return float(expit(log_odds + float(np.log(_SHOWN)))) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 
 
 def _chi2_of(one: Refit, result: FitResult) -> float:
@@ -215,6 +216,16 @@ def finding_of(finite: FiniteDisk, null: Refit, held_before: float, final: FitSu
         says=find_effect(NAME).says.format(where=where)
         + f" Fitted in two dimensions, {finite.result.rms_log_error:.2g} is left of ln Z (root mean square).",
     )
+
+
+def beside(finite: FiniteDisk, found: Sequence[Finding]) -> list[Finding]:
+    """Return the findings on the disk; none whose probability is below one half.
+
+    Each is conditional on the finite diameter, whose probability it is multiplied by. What remains unknown does so in
+    either case.
+    """
+    known = [replace(one, probability=finite.probability * one.probability) for one in found if one.effect != UNKNOWN]
+    return [*(one for one in known if one.probability >= NAMED), *(one for one in found if one.effect == UNKNOWN)]
 
 
 def curves(of_disk: Sequence[Curve], of_null: Sequence[Curve]) -> tuple[Curve, ...]:
