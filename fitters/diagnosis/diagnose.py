@@ -145,7 +145,8 @@ class _FiniteDiameter:
             return None
         made = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
         self._tried = (made,)
-        return lateral.finite(made, self.task, null, null) if made is not None and made.described else None
+        sure = made is not None and lateral.leaves_no_other(made, null)
+        return lateral.finite(made, self.task, null, null) if made is not None and sure else None
 
     def _an_effect_may_do(self) -> bool:
         """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's."""
@@ -173,7 +174,7 @@ class _FiniteDiameter:
         held = held_out_chi2(self.problem, null)
         rim = lateral.finding_of(wide, null, held, said.final)
         findings = [*(one for one in said.findings if not _of_the_disk(one)), rim]
-        findings += [one for one in said.findings if _of_the_disk(one)]
+        findings += lateral.beside(wide, [one for one in said.findings if _of_the_disk(one)])
         verdict = verdict_with(gated, _beside_the_rim(said.verdict))
         before = curves_of(null.objective, null.descent.x, null.descent.x)
         return replace(

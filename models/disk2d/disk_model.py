@@ -1,20 +1,24 @@
 """A round disk with its full 6mm constants, as a `Model` for the fitters."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ..base.model import Model
 from ..base.names import require
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
 from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, require_positive
-from .capacitance import capacitance, slopes
+from .capacitance import CapacitanceSlopes, slopes
 from .full import Shape
 from .matrices import CONSTANTS
 from .reduced import ReducedDisk
+
+_KEPT = 4
+# Results that a disk and its copies keep.
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,8 @@ class Disk2D:
     """The same for both permittivities."""
     rough: bool = False
     """Accurate to a thousandth or so, at half the cost: for a search."""
+    _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
+    """The last results of this disk and of copies with other values: a fit asks for values first, then derivatives."""
 
     def __post_init__(self) -> None:
         require_positive(self.name, area=self.area, thickness=self.thickness, density=self.density)
@@ -88,25 +94,48 @@ class Disk2D:
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
-        order = np.argsort(frequency)
-        C = np.zeros(frequency.size, np.complex128)
-        C[order] = capacitance(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
-        return 1 / (j_omega(frequency) * C)
+        return 1 / (j_omega(frequency) * self._slopes(frequency).capacitance)
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
         require(names, self.parameters(), "the disk")
-        order = np.argsort(frequency)
-        back = np.argsort(order)
-        made = slopes(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
-        C, by_constant = made.capacitance[back], made.by_constant[back]
+        made = self._slopes(frequency)
+        C = made.capacitance
         rows = {
-            "area": made.by_log_radius[back] / (2 * self.area),
-            f"{self.name}.thickness": made.by_log_thickness[back] / self.thickness,
-            f"{self.name}.density": made.by_log_density[back] / self.density,
+            "area": made.by_log_radius / (2 * self.area),
+            f"{self.name}.thickness": made.by_log_thickness / self.thickness,
+            f"{self.name}.density": made.by_log_density / self.density,
         }
         for k, constant in enumerate(CONSTANTS):
             _, chain = continued(self.law_of(constant), getattr(self.constants, constant), frequency)
-            rows |= {f"{self.name}.{constant}.{part}": by_constant[:, k] * chain[part] for part in ("re", "im")}
+            rows |= {f"{self.name}.{constant}.{part}": made.by_constant[:, k] * chain[part] for part in ("re", "im")}
         slope = np.array([-rows[name] / C for name in names], np.complex128)
         return 1 / (j_omega(frequency) * C), slope.reshape(len(names), frequency.size)
+
+    def moved_by_laws(self, frequency: Frequencies, other: Model) -> Complexes:
+        """Return ln Z of a disk with slightly different laws less that of this one, to first order, shape (N,)."""
+        if not isinstance(other, Disk2D):
+            raise TypeError(f"{type(other).__name__} is no disk in two dimensions")
+        made = self._slopes(frequency)
+        return -np.sum(made.by_constant * (other.over(frequency) - self.over(frequency)), axis=1) / made.capacitance
+
+    def _slopes(self, frequency: Frequencies) -> CapacitanceSlopes:
+        """Return the capacitance and its derivatives, which cost little beside it, in the order of `frequency`."""
+        for known in self._known:
+            if known.disk == self and np.array_equal(known.frequency, frequency):
+                return known.slopes
+        order = np.argsort(frequency)
+        back = np.argsort(order)
+        rising = slopes(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
+        made = CapacitanceSlopes(*(getattr(rising, one.name)[back] for one in fields(rising)))
+        self._known[:] = [_Known(self, frequency.copy(), made), *self._known[: _KEPT - 1]]
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A result of a disk."""
+
+    disk: Disk2D
+    frequency: Frequencies
+    slopes: CapacitanceSlopes

@@ -11,7 +11,7 @@ from disk_build import disk_build
 
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.diagnosis.inference.disk_with_wires import disks, with_terminals
+from pzctl.fitters.diagnosis.inference.disk_with_wires import disk_with_wires
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, disk_result, finite_disk
 from pzctl.fitters.disk.two_d.disk_fit import fitted_disk
 from pzctl.fitters.disk.two_d.disk_under_diagnosis import with_effects
@@ -99,6 +99,5 @@ def test_two_effects_are_found_one_after_the_other_beside_a_finite_diameter():
     noise = np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)))
     wired = 1 / (1 / Z + 2j * np.pi * f * 60e-12) + 2j * np.pi * f * 60e-9 + 1.0
     task = FitTask(disk_build(10, 1, 7700), {"disk": (Sweep(f, wired * noise),)})
-    alone, base = disks(task, 1.0, lambda _: None, 1)
-    _, beside = with_terminals(alone, base, lambda _: None, 1)
+    beside = disk_with_wires(task, 1.0, lambda _: None, 1).beside
     assert [one.effect.name for one in beside] == ["lead-inductance", "series-resistance"]

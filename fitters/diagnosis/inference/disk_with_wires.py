@@ -1,4 +1,4 @@
-"""A disk of finite diameter with effects at its terminals: where a search for them can begin."""
+"""A disk of finite diameter with effects at its terminals or another law of losses: where a search can begin."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,14 +8,15 @@ import numpy as np
 
 from ....models.base.arrays import Reals
 from ....models.base.errors import PzctlError
-from ....models.effects import Added, find_effect, outside_effects
+from ....models.effects import Added, EffectParameter, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
-from ....models.stack import CONSTANT, CausalConstantQ, LossLaw, Stack
+from ....models.stack import CONSTANT, CausalConstantQ, Stack
 from ...disk.bare_disk import BareDisk, bare_disk
 from ...disk.two_d.disk_fit import NAME, FittedDisk, fitted_disk, reference_of
 from ...disk.two_d.disk_under_diagnosis import plate_of, thinner, with_effects
 from ...disk.two_d.outside import Outside
 from ...engine.fitted_model import without_effects
+from ...engine.objective import Objective
 from ...engine.on_cores import on_cores
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Block, positive
@@ -33,19 +34,25 @@ _WIRES = (
     ("stray-capacitance", TERMINALS, ("capacitance",)),
 )
 """Effects at the terminals, with their parameters, that are fitted together with a disk that does not fit alone."""
+_LAW = "loss-dispersion"
+"""Effect inside of the disk that is tried together with those at the terminals, because each absorbs part of the other:
+a loss that changes over the band looks like a resistance or a cable."""
 _ROUNDS = 4
 """Budget: descents in two dimensions, of at most twelve steps each."""
-_TERMINALS = 2
-"""Budget: effects at the terminals beside the finite diameter."""
+_BESIDE = 3
+"""Budget: effects beside the finite diameter: two at the terminals and a law of losses."""
 _STARTS = (-1.0, 1.0)
 _NEAR_STARTS = (0.0,)
-"""Start sizes of an effect, in standard deviations of ln size; the latter from constants that fit with wires."""
+"""Start sizes of an effect, in standard deviations of ln size; the latter from constants that fit with wires. A size of
+either sign always starts on both sides of zero."""
 _PROMISING, _STRETCH = 4, 2.5
 """Budget: effects fitted beside the finite diameter at a time. Largest factor by which a change is scaled linearly."""
 _NARROW = 20.0
 """Diameter/thickness up to which a rim leaves a tenth of ln Z or more."""
-_TRIED = 1.5
-"""chi2 up to which a disk counts as described, so that nothing beside it is looked for here."""
+_DEVIATIONS = 5.0
+"""Standard deviations of chi2 up to which a disk counts as described, so that nothing beside it is looked for here."""
+_FOUND = 100.0
+"""chi2 up to which the constants of the disk are taken for the right ones."""
 _FALLS = 0.7
 """Part of chi2 that an effect may leave to be one from which the search begins, which then says whether it is there."""
 
@@ -60,16 +67,29 @@ def is_narrow(disk: BareDisk) -> bool:
     return ratio_of(disk) <= _NARROW
 
 
-def disks(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> tuple[FittedDisk, FittedDisk]:
-    """Return the disk fitted alone, and one whose constants are good starts for a fit with effects at the terminals.
+@dataclass(frozen=True, eq=False)
+class DiskBeside:
+    """A disk fitted alone, and with effects beside its finite diameter."""
+
+    alone: FittedDisk
+    whole: FittedDisk
+    beside: tuple[Candidate, ...] = ()
+    """Effects of the whole."""
+
+
+def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> DiskBeside:
+    """Return the disk fitted alone, and with the effects at its terminals and in its laws that it seems to have.
 
     With an effect the disk alone may end anywhere, so that no effect added there helps; it is then also searched for
     with a lead and a stray capacitance, which act as most effects at the terminals do. Raises FitError if neither
     leaves less than `hopeless`.
     """
     alone = _attempt(task, min(_NEAR, hopeless), jobs, None)
-    if alone is not None and left_by(alone) < DESCRIBED:
-        return alone, alone
+    near = None
+    if alone is not None:
+        near = with_terminals(alone, alone, progress, jobs)
+        if left_by(near.whole) < DESCRIBED and _chi2_alone(near.whole) < _FOUND:
+            return near
     disk = bare_disk(task, NAME, round_one=True, frees=True)
     joint = None
     if is_narrow(disk):
@@ -77,12 +97,13 @@ def disks(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs:
         joint = _attempt(task, _NEAR, jobs, _wires(stack_of(disk.build, disk.build.step(disk.step))))
     if joint is not None:
         base = _without(joint, [name for name, _, _ in _WIRES])
-        return alone or with_effects(base, Outside()), base
+        far = with_terminals(alone or with_effects(base, Outside()), base, progress, jobs)
+        return min((far, near or far), key=lambda one: _chi2_alone(one.whole))
     alone = alone or fitted_disk(task, _ROUNDS, enough=DESCRIBED, hopeless=hopeless, jobs=jobs)
     # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
     if left_by(alone) > hopeless:
         raise FitError(f"a disk of finite diameter leaves {left_by(alone):.2g} of ln Z, more than {hopeless:.2g}")
-    return alone, alone
+    return near or with_terminals(alone, alone, progress, jobs)
 
 
 def _attempt(task: FitTask, enough: float, jobs: int, outside: Outside | None) -> FittedDisk | None:
@@ -118,54 +139,97 @@ def left_by(found: FittedDisk) -> float:
     return max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios)
 
 
-def with_terminals(
-    alone: FittedDisk, base: FittedDisk, progress: Callable[[str], None], jobs: int
-) -> tuple[FittedDisk, tuple[Candidate, ...]]:
-    """Return the disk with effects at its terminals, largest gain first, from which a search can begin.
+def with_terminals(alone: FittedDisk, base: FittedDisk, progress: Callable[[str], None], jobs: int) -> DiskBeside:
+    """Return the disk with effects at its terminals and in its laws of losses, from which a search can begin.
 
-    A search that starts from the disk alone does not find them: its constants have gone far to imitate them. Trials
-    start from the constants of `base`.
+    The effect of largest gain comes first. A search that starts from the disk alone does not find them: its constants
+    have gone far to imitate them. Trials start from the constants of `base`.
     """
-    nominal = plate_of(alone)
-    steps = (alone.disk.step,)
-    left = [
-        Candidate(effect, where, steps, effect.effect_parameters(nominal, where))
-        for effect in outside_effects()
-        for where in effect.places(nominal)
-        if effect.effect_parameters(nominal, where)
-    ]
-    few, taken, values = thinner(base), list[Candidate](), dict[str, float]()
-    before = _chi2_alone(thinner(alone))
-    starts = _STARTS if base is alone else _NEAR_STARTS
-    while len(taken) < _TERMINALS and before > _TRIED:
+    few, taken, values = thinner(base), tuple[Candidate, ...](), dict[str, float]()
+    before, starts = _chi2_alone(thinner(alone)), _STARTS if base is alone else _NEAR_STARTS
+    while len(taken) < _BESIDE and before > _of_noise(few.descent.objective.points):
+        left = [one for one in _choices(few) if (one.effect, one.where) not in [(o.effect, o.where) for o in taken]]
         progress(f"trying {len(left)} effects beside the finite diameter")
-        chosen = _promising(few, taken, [_Start.of(few, taken, one, z) for one in left for z in starts])
-        ends = on_cores([partial(_beside, few, taken, start) for start in chosen], jobs)
-        points = sum(one.sweep.frequency.size for one in few.descent.objective.recordings)
-        trials = [
-            (_log_odds(points * np.log(before / end[0]), points, start.new), end, start.new)
-            for end, start in zip(ends, chosen, strict=True)
-            if end
-        ]
-        if not trials:
+        found = _best_beside(few, taken, [(one, z) for one in left for z in _sides(one, starts)], before, jobs)
+        if found is None:
             break
-        odds, (chi2, there), one = max(trials, key=lambda trial: trial[0])
-        if odds < 0 or chi2 > _FALLS * before:
-            break
-        few, values, before = _fitted(few, [*taken, one], there), there, chi2
-        left = [other for other in left if other is not one]
-        taken.append(one)
-    return (_lawful(base, taken, values) if taken else alone), tuple(taken)
+        one, values = found
+        first, taken = not taken, (*taken, one)
+        few = _fitted(few, taken, values)
+        if first:  # what an effect that was missing did to the losses is no sign of their law
+            few, taken = _lawful(few, taken, values)
+            values = _sizes_of(few, taken)
+        before = _chi2_alone(few)
+    return DiskBeside(alone, *_lawful(_whole(few, base), taken, values)) if taken else DiskBeside(alone, alone)
 
 
-def _lawful(base: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
-    """Return the disk fitted with these effects to all points, by the law of losses that describes them better."""
+def _whole(few: FittedDisk, base: FittedDisk) -> FittedDisk:
+    """Return a fit to a few points as the start of one to all points, which `base` has."""
+    own, every = few.descent.objective, base.descent.objective.recordings
+    recordings = [replace(one, model=thin.model) for one, thin in zip(every, own.recordings, strict=True)]
+    objective = Objective(recordings, own.coordinates, own.priors)
+    return replace(few, descent=replace(few.descent, objective=objective))
+
+
+def _choices(found: FittedDisk) -> list[Candidate]:
+    """Return what may be beside the finite diameter: effects at the terminals and another law of losses."""
+    nominal = plate_of(found)
+    return [
+        Candidate(effect, where, (found.disk.step,), knobs)
+        for effect in (*outside_effects(), find_effect(_LAW))
+        for where in effect.places(nominal)
+        if (knobs := effect.effect_parameters(nominal, where))
+    ]
+
+
+def _best_beside(
+    few: FittedDisk, taken: Sequence[Candidate], starts: Sequence[tuple[Candidate, float]], before: float, jobs: int
+) -> tuple[Candidate, dict[str, float]] | None:
+    """Return the most probable of further effects, with the parameters of all; None if none explains enough.
+
+    `starts`: effects with the deviations at which their sizes start; `before`: chi2 without any of them.
+    """
+    points = few.descent.objective.points
+    chosen = _promising(few, taken, [_Start.of(few, taken, one, z) for one, z in starts])
+    ends = on_cores([partial(_beside, few, taken, start) for start in chosen], jobs)
+    trials = [
+        (_log_odds(points * np.log(before / end[0]), points, start.new), end, start.new)
+        for end, start in zip(ends, chosen, strict=True)
+        if end
+    ]
+    if not trials:
+        return None
+    odds, (chi2, values), one = max(trials, key=lambda trial: trial[0])
+    return None if odds < 0 or chi2 > _FALLS * before else (one, values)
+
+
+def _sizes_of(found: FittedDisk, effects: Sequence[Candidate]) -> dict[str, float]:
+    """Return the parameters of effects that were fitted together with a disk."""
+    values, _ = found.descent.objective.coordinates.forward(found.descent.x)
+    return {name: values[name] for one in effects for name in one.parameters}
+
+
+def _lawful(
+    base: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]
+) -> tuple[FittedDisk, tuple[Candidate, ...]]:
+    """Return the disk fitted with these effects to all points, by the law of losses that describes them better.
+
+    The effects are returned as those of that law: one that bends it has a causal companion of its own only if the law
+    has none.
+    """
     made = _fitted(base, effects, start)
-    if _chi2_alone(made) < _TRIED:
-        return made
+    if _chi2_alone(made) < _of_noise(made.descent.objective.points):
+        return made, tuple(effects)
     law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk))
-    other = _fitted(base, effects, start, law)
-    return min((made, other), key=_chi2_alone)
+    other = replace(base, model=replace(base.model, law=law))
+    nominal = plate_of(other)
+    again = tuple(
+        replace(one, effect_parameters=one.effect.effect_parameters(nominal, one.where)) if one.effect.of_laws else one
+        for one in effects
+    )
+    knobs = [(name, knob) for one in again for name, knob in zip(one.parameters, one.effect_parameters, strict=True)]
+    fitted = _fitted(other, again, {name: start.get(name, knob.expected[0]) for name, knob in knobs})
+    return min((made, tuple(effects)), (fitted, again), key=lambda one: _chi2_alone(one[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +245,23 @@ class _Start:
         """Return the start with sizes `z` standard deviations of ln size above their medians."""
         values, _ = best.descent.objective.coordinates.forward(best.descent.x)
         start = {name: values[name] for other in known for name in other.parameters}
+        sizes = dict(new.sizes)
         start |= {
-            name: float(knob.expected[0] * np.exp(z * knob.expected[1])) if knob.from_nothing else knob.null
+            name: _start_at(knob, z) if knob.from_nothing or name in sizes else knob.null
             for name, knob in zip(new.parameters, new.effect_parameters, strict=True)
         }
         return cls(new, start)
+
+
+def _sides(one: Candidate, starts: Sequence[float]) -> Sequence[float]:
+    """Return the deviations at which the sizes of an effect start."""
+    return starts if all(knob.from_nothing for _, knob in one.sizes) else _STARTS
+
+
+def _start_at(knob: EffectParameter, z: float) -> float:
+    """Return the value of a size that many standard deviations from what is expected."""
+    usual, spread = knob.expected
+    return float(usual * np.exp(z * spread)) if knob.from_nothing else float(usual + z * spread)
 
 
 def _promising(best: FittedDisk, known: Sequence[Candidate], starts: Sequence[_Start]) -> list[_Start]:
@@ -224,15 +300,12 @@ def _beside(best: FittedDisk, known: Sequence[Candidate], start: _Start) -> tupl
         made = _fitted(best, [*known, start.new], start.values)
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None
-    values, _ = made.descent.objective.coordinates.forward(made.descent.x)
-    return _chi2_alone(made), {name: values[name] for name in start.values}
+    return _chi2_alone(made), _sizes_of(made, [*known, start.new])
 
 
-def _fitted(
-    best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float], law: LossLaw | None = None
-) -> FittedDisk:
+def _fitted(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
     """Return the disk fitted with these effects; it may have some of them already."""
-    return with_effects(_without(best, [one.effect.name for one in effects]), _outside(best, effects, start), law)
+    return with_effects(_without(best, [one.effect.name for one in effects]), _outside(best, effects, start))
 
 
 def _outside(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> Outside:
@@ -254,6 +327,11 @@ def _chi2_alone(found: FittedDisk) -> float:
         for one, ratio in zip(objective.recordings, ratios, strict=True)
     ]
     return max(1.0, float(np.mean(np.concatenate(squares))))
+
+
+def _of_noise(points: int) -> float:
+    """Return the chi2 that noise alone hardly exceeds, for so many complex points."""
+    return 1 + _DEVIATIONS / float(np.sqrt(points))
 
 
 def _log_odds(gain: float, points: int, one: Candidate) -> float:

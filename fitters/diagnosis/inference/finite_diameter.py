@@ -27,10 +27,11 @@ from ...engine.recording import Recording
 from ...interface import Constant, Curve, FitError, FitResult, FitTask
 from ..decision_rules import COARSENED_RIM, NAMED
 from ..findings import Finding, FitSummary, Size
+from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
-from .disk_with_wires import DESCRIBED, disks, is_narrow, ratio_of, with_terminals
+from .disk_with_wires import disk_with_wires, is_narrow, ratio_of
 
 NAME = "lateral-modes"
 _SHOWS = 0.02
@@ -39,6 +40,10 @@ plate model leaves 0.27, 0.11 and 0.035 at diameter/thickness 10, 20 and 40."""
 _RIM, _FALL, _LEAST = 7.0, -1.4, 0.3
 """Rms of ln Z that the best plate leaves of a disk, as a power of diameter/thickness (see `_SHOWS`), and the part of it
 below which no rim is looked for."""
+_SHOWN = 10.0
+"""Prior odds that recordings show the rim of a disk so narrow that it could: damped or apodized rims are rare."""
+_LEFT = 0.1
+"""Part of what a plate leaves of ln Z (rms) that a disk may leave to explain it."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
@@ -50,14 +55,9 @@ class DiskTried:
     alone: FittedDisk
     whole: FittedDisk
     beside: tuple[Candidate, ...]
-    """Effects at the terminals of the whole."""
+    """Effects of the whole, at its terminals or in its laws."""
     result: FitResult
     """Of the whole."""
-
-    @property
-    def described(self) -> bool:
-        """Whether the residual is within the accuracy of the two-dimensional model."""
-        return self.result.rms_log_error < DESCRIBED
 
     @property
     def model(self) -> FittedModel:
@@ -130,11 +130,18 @@ def tried(
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        alone, base = disks(task, hopeless, progress, jobs)
-        whole, added = with_terminals(alone, base, progress, jobs)
-        return DiskTried(alone, whole, added, disk_result(whole, time.perf_counter() - began))
+        found = disk_with_wires(task, hopeless, progress, jobs)
+        return DiskTried(found.alone, found.whole, found.beside, disk_result(found.whole, time.perf_counter() - began))
     except FitError:
         return None
+
+
+def leaves_no_other(made: DiskTried, null: Refit) -> bool:
+    """Return whether the disk leaves so little that no plate, whatever effects it has, needs to be looked for.
+
+    It then explains the misfit as `explained` means it: a tenth of the change of ln Z remains, or less.
+    """
+    return made.result.rms_log_error < _LEFT * _rms(null)
 
 
 def finite(made: DiskTried, task: FitTask, null: Refit, best: Refit) -> FiniteDisk | None:
@@ -157,8 +164,8 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     """Return the probability of a finite diameter, treating the residual of either explanation as noise of its size.
 
     Ten free constants can imitate much that they do not cause, so they must be plausible for a ceramic. As for any
-    effect, evidence is coarsened by the misfit of the better explanation. The prior odds are even: every disk has a
-    rim, and the only question is whether the recordings show it.
+    effect, evidence is coarsened by the misfit of the better explanation. Every disk has a rim; what `_SHOWN` says is
+    that the recordings of nearly every one show it.
     """
     plates = [_chi2_of(one, result) for one in (null, best)]
     chi2 = max(result.chi2_per_dof, 1.0)
@@ -169,7 +176,7 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
     against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
     log_odds = gain / _coarseness(points * float(np.log(min(chi2, *plates)))) - against
-    return float(expit(log_odds)) * max(0.0, 1 - chi2 / max(plates[0], chi2))
+    return float(expit(log_odds + float(np.log(_SHOWN)))) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 
 
 def _chi2_of(one: Refit, result: FitResult) -> float:
@@ -209,6 +216,16 @@ def finding_of(finite: FiniteDisk, null: Refit, held_before: float, final: FitSu
         says=find_effect(NAME).says.format(where=where)
         + f" Fitted in two dimensions, {finite.result.rms_log_error:.2g} is left of ln Z (root mean square).",
     )
+
+
+def beside(finite: FiniteDisk, found: Sequence[Finding]) -> list[Finding]:
+    """Return the findings on the disk; none whose probability is below one half.
+
+    Each is conditional on the finite diameter, whose probability it is multiplied by. What remains unknown does so in
+    either case.
+    """
+    known = [replace(one, probability=finite.probability * one.probability) for one in found if one.effect != UNKNOWN]
+    return [*(one for one in known if one.probability >= NAMED), *(one for one in found if one.effect == UNKNOWN)]
 
 
 def curves(of_disk: Sequence[Curve], of_null: Sequence[Curve]) -> tuple[Curve, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ....models.stack import LossLaw, Piezo, Stack
+from ....models.stack import Piezo, Stack
 from ...engine.descent import descend
 from ...engine.fitted_model import FittedModel
 from ...engine.objective import Objective
@@ -72,12 +72,9 @@ def thinner(found: FittedDisk) -> FittedDisk:
     return replace(found, descent=replace(found.descent, objective=few))
 
 
-def with_effects(found: FittedDisk, outside: Outside, law: LossLaw | None = None) -> FittedDisk:
-    """Return the disk fitted together with effects at its terminals, starting from a fit without them.
-
-    `law`: of losses, as before if None.
-    """
-    before, bare = found.descent.objective, replace(found.model, law=law or found.model.law)
+def with_effects(found: FittedDisk, outside: Outside) -> FittedDisk:
+    """Return the disk fitted together with effects at its terminals or in its laws, starting from one without."""
+    before, bare = found.descent.objective, found.model
     values, _ = before.coordinates.forward(found.descent.x)
     coordinates = outside.extended(Coordinates(before.coordinates.blocks, values, before.coordinates.free))
     device = outside.around(bare, outside.start)
@@ -93,4 +90,4 @@ def with_effects(found: FittedDisk, outside: Outside, law: LossLaw | None = None
         if settled:
             break
     descent = judged(recordings, coordinates, before.priors, x, settled, evaluations)
-    return replace(found, model=bare, descent=descent)
+    return replace(found, descent=descent)

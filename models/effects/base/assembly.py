@@ -116,6 +116,15 @@ class HasLaws(Protocol):
         ...
 
 
+@runtime_checkable
+class HasLawSlopes(HasLaws, Protocol):
+    """Such a model that knows its derivatives by its constants at each frequency, so that those by its laws follow."""
+
+    def moved_by_laws(self, frequency: Frequencies, other: Model) -> Complexes:
+        """Return ln Z of a model with slightly different laws less that of this one, to first order, shape (N,)."""
+        ...
+
+
 Terminal = Callable[[Complexes, Impedances], tuple[Impedances, Complexes]]
 """Maps (jw, Z) to the impedance seen from further out, and its derivative by Z; shapes (N,)."""
 
@@ -235,8 +244,7 @@ class Assembly:
 
     def steady_jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return the same and d ln Z / d parameter of the device, shape (P, N); 0 for a name that no stack has."""
-        jw = j_omega(frequency)
-        within = np.zeros_like(jw)
+        within = np.zeros(frequency.size, np.complex128)
         slope = np.zeros((len(names), frequency.size), np.complex128)
         if self.whole is not None:
             own, by_name = self.whole.jacobian(frequency, names)
@@ -245,12 +253,28 @@ class Assembly:
             admittance, by_name = part.jacobian(frequency, names)
             within += admittance
             slope += by_name
+        return self._seen(frequency, within, slope)
+
+    def _seen(self, frequency: Frequencies, within: Complexes, slope: Complexes) -> tuple[Impedances, Complexes]:
+        """Return Z and d ln Z from the admittance of the device without shunts and its derivatives, shape (P, N)."""
+        jw = j_omega(frequency)
         seen: Impedances = 1 / (self._beside(frequency, jw) + within)
-        slope *= -(seen**2)
+        slope = slope * -(seen**2)
         for terminal in self.terminals:
             seen, through = terminal(jw, seen)
             slope *= through
         return seen, slope / seen
+
+    def moved_by_laws(self, frequency: Frequencies, other: Self) -> Complexes | None:
+        """Return ln Z of the device with slightly different laws less that of this one, to first order, shape (N,).
+
+        None if the device knows no derivatives by its laws.
+        """
+        if not isinstance(self.whole, HasLawSlopes) or other.whole is None:
+            return None
+        within = self._within(frequency)
+        moved = -within * self.whole.moved_by_laws(frequency, other.whole)
+        return self._seen(frequency, within, moved[None])[1][0]
 
 
 Record = Callable[[Assembly, Frequencies, Impedances], Impedances]

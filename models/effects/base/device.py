@@ -111,12 +111,12 @@ class Device:
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
-        return self._assembly.impedance(frequency)
+        return self.assembly.impedance(frequency)
 
     def steady_impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), as in an infinitely slow sweep."""
-        Z = self._assembly.steady(frequency)
-        return np.conj(Z) if self._assembly.conjugated else Z
+        Z = self.assembly.steady(frequency)
+        return np.conj(Z) if self.assembly.conjugated else Z
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N).
@@ -126,11 +126,11 @@ class Device:
         Effects of the sweep are small, so derivatives by other parameters are those of the steady device.
         """
         require(names, self.parameters(), "the device")
-        inner = {*self.bare.parameters(), *self._assembly.shaped_by}
-        steady, slopes = self._assembly.steady_jacobian(frequency, [name for name in names if name in inner])
-        Z = self._assembly.while_recorded(frequency, steady)
+        inner = {*self.bare.parameters(), *self.assembly.shaped_by}
+        steady, slopes = self.assembly.steady_jacobian(frequency, [name for name in names if name in inner])
+        Z = self.assembly.while_recorded(frequency, steady)
         rows = iter(slopes)
-        mirror = np.conj if self._assembly.conjugated else np.asarray
+        mirror = np.conj if self.assembly.conjugated else np.asarray
         at_rest = mirror(steady)
         derivatives = [
             mirror(next(rows)) if name in inner else self._by_knob(name, frequency, at_rest, Z) for name in names
@@ -138,7 +138,8 @@ class Device:
         return Z, np.array(derivatives, np.complex128).reshape(len(names), frequency.size)
 
     @property
-    def _assembly(self) -> Assembly:
+    def assembly(self) -> Assembly:
+        """The device with all its effects, ready to be evaluated."""
         return self._assemblies[-1]
 
     @cached_property
@@ -199,6 +200,14 @@ class Device:
             return np.zeros_like(Z)
         step = small_step(knob, value)
         moved = self.replace({name: value + step})
+        by_laws = self._by_laws(moved, frequency) if added_effect.effect.of_laws else None
+        if by_laws is not None:
+            return by_laws / complex(step)
         if added_effect.effect.stage is Stage.ACQUISITION:
             return (moved.impedance(frequency) / Z - 1) / complex(step)
         return (moved.steady_impedance(frequency) / at_rest - 1) / complex(step)
+
+    def _by_laws(self, moved: Self, frequency: Frequencies) -> Complexes | None:
+        """Return ln Z of a device with slightly different laws less that of this one; None if that is not known."""
+        change = self.assembly.moved_by_laws(frequency, moved.assembly)
+        return np.conj(change) if change is not None and self.assembly.conjugated else change

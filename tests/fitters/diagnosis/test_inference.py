@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 from pzctl.fitters.diagnosis import decision_rules
 from pzctl.fitters.diagnosis.data_quality.data_gates import Gated
 from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue
+from pzctl.fitters.diagnosis.findings import Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
+from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
 from pzctl.fitters.diagnosis.inference.averaged_constants import averaged_constants
 from pzctl.fitters.diagnosis.inference.conclusion import conclude
 from pzctl.fitters.diagnosis.inference.data_findings import of_the_data, verdict_with, where_disturbed
@@ -24,7 +26,7 @@ from pzctl.fitters.diagnosis.inference.effect_size import (
     moves_a_constant,
     sizes_of,
 )
-from pzctl.fitters.diagnosis.inference.finite_diameter import tried
+from pzctl.fitters.diagnosis.inference.finite_diameter import FiniteDisk, beside, tried
 from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.score_test import scores
@@ -122,6 +124,18 @@ def test_two_dimensions_are_not_tried_where_one_is_sufficient(lead_case) -> None
     said: list[str] = []
     assert tried(lead_case.task, lead_case.null, lead_case.final, said.append) is None
     assert said == []
+
+
+def test_what_is_beside_a_finite_diameter_is_no_more_probable_than_that() -> None:
+    said = [
+        Finding(name, "terminals", "disk", probability, (), {}, 9.0, 1.0, 9.0, 1.0, (), "")
+        for name, probability in (("stray-capacitance", 0.9), ("cable", 0.8), (UNKNOWN, 1.0))
+    ]
+    found = beside(FiniteDisk(None, 0.6), said)  # type: ignore[arg-type]
+    assert [(one.effect, one.probability) for one in found] == [
+        ("stray-capacitance", pytest.approx(0.54)),
+        (UNKNOWN, 1.0),
+    ]
 
 
 JUMP = DataIssue("step", (2e6, 2.01e6), 3.0, 0.004)

@@ -334,3 +334,34 @@ def test_the_reduced_disk_equals_the_full_section_with_short_electrodes():
 def test_a_disk_out_of_reach_is_refused():
     with pytest.raises(DiskError, match="diameter/thickness 100"):
         trained(100)
+
+
+def test_derivatives_by_laws_of_losses_behind_a_lead_are_those_of_the_impedance(five):
+    """They follow from the derivatives by constants, without a further solution of the disk."""
+    plain = disk(five[1])
+    nominal = Stack((Piezo("disk", 2e-3, DENSITY, *_plate()),), VACUUM, VACUUM, plain.area)
+    device = Device(plain, nominal=nominal)
+    device = device.with_effect(find_effect("loss-dispersion"), "layer:disk", {"exponent": 0.4, "companion": 0.5})
+    device = device.with_effect(find_effect("dielectric-dispersion"), "layer:disk", {"slope": 0.01})
+    device = device.with_effect(find_effect("lead-inductance"), "terminals", {"inductance": 1e-7})
+    f = np.linspace(0.4e6, 1.5e6, 101)
+    laws = ["loss-dispersion@layer:disk.exponent", "dielectric-dispersion@layer:disk.slope"]
+    _, found = device.jacobian(f, laws)
+    for name, own in zip(laws, found, strict=True):
+        value, step = device.parameters()[name], 1e-4
+        above, below = (device.replace({name: value + sign * step}).impedance(f) for sign in (1, -1))
+        np.testing.assert_allclose(own, np.log(above / below) / (2 * step), atol=2e-3 * np.abs(own).max())
+
+
+def _plate():
+    return TENSOR.thickness.c33D, TENSOR.thickness.h33, TENSOR.thickness.eps33S
+
+
+def test_a_copy_of_a_disk_with_other_values_keeps_its_own_results(five):
+    plain, f = disk(five[1]), np.linspace(0.4e6, 1.5e6, 11)
+    first = plain.impedance(f)
+    softer = plain.replace({"disk.c44E.re": 0.9 * TENSOR.c44E.real})
+    fresh = replace(softer, _known=[])
+    np.testing.assert_allclose(softer.impedance(f), fresh.impedance(f), rtol=1e-12)
+    assert np.abs(softer.impedance(f) / first - 1).max() > 0.01
+    np.testing.assert_array_equal(plain.impedance(f), first)
