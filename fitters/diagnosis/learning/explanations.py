@@ -9,7 +9,7 @@ from ....models.effects.learned.laws import laws
 from ..decision_rules import LEFT
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
-from .laws import LearnedCorrection, left_by
+from .law_fits import LearnedCorrection, left_by
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,11 @@ from ..search.weak_lines import with_weak_lines
 from ..validation.forecast import forecast_of
 from .drawn_corrections import PlacedCorrection
 from .explanations import Choice, Explanation, better, chosen, distinct, enough, explains
-from .laws import learned_laws, plainly_better_laws, sharp_laws
+from .laws import learned_laws
 from .learned_conclusion import concluded, with_its_place
 from .places import placed_corrections
+from .plain_laws import plainly_better_laws
+from .sharp_laws import sharp_laws
 from .usual_fits import has_usual_fixture, usually_fitted
 
 _SAID = 0.01

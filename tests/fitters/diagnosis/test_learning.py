@@ -14,10 +14,10 @@ from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_of
 from pzctl.fitters.diagnosis.learning.delays import delays_at
-from pzctl.fitters.diagnosis.learning.laws import sharp_laws
 from pzctl.fitters.diagnosis.learning.learned_effect import Learning
 from pzctl.fitters.diagnosis.learning.places import all_places
 from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
+from pzctl.fitters.diagnosis.learning.sharp_laws import sharp_laws
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
