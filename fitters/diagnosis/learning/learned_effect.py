@@ -20,7 +20,7 @@ from .drawn_corrections import PlacedCorrection
 from .explanations import Choice, Explanation, better, chosen, distinct, enough, explains
 from .law_fits import LearnedCorrection
 from .laws import learned_laws
-from .learned_conclusion import concluded, with_its_place
+from .learned_conclusion import concluded, concluded_without_law, with_its_place
 from .places import placed_corrections
 from .plain_laws import plainly_better_laws
 from .sharp_laws import sharp_laws
@@ -99,8 +99,13 @@ class Learning:
             places[parent], least = self._places(parent, conclusion.something_left)
             explanations += self._laws_beside(parent, places[parent], least)
         choice = chosen(distinct(explanations))
-        if choice is None or choice.probability < NAMED:
+        if choice is None:
             return conclusion, next(iter(places.values()))
+        if choice.probability < NAMED:
+            known = choice.without_law if conclusion.something_left else None
+            if known is None:
+                return conclusion, next(iter(places.values()))
+            return concluded_without_law(self.problem, conclusion, choice, known), places[known]
         final = self._final(choice)
         problem = self._beside_lines_of(final)
         if not conclusion.something_left and not better(final, choice.best, _beside(problem, conclusion.final)):
