@@ -354,11 +354,8 @@ def _finding(
 def _where_it_acts(places: Sequence[PlacedCorrection], found: Conclusion, *, learn: bool) -> str:
     """Return a sentence on the place of what is left, if one is more likely than not; empty if a law was learned."""
     best = max(places, key=lambda one: one.probability, default=None)
-    if (
-        best is None
-        or best.probability <= NAMED
-        or any(isinstance(one.effect, LearnedLaw) for one in found.final.effects)
-    ):
+    learned = any(isinstance(one.effect, LearnedLaw) for one in found.final.effects)
+    if best is None or best.probability <= NAMED or learned:
         return ""
     hint = "" if learn or best.place == INSTRUMENT else "; `--learn` looks for its law"
     return f" Most probably (P = {best.probability:.2f}) it acts on {best.place.says}{hint}."

@@ -59,3 +59,15 @@ def test_a_lead_of_one_step_is_learned_for_this_step() -> None:
     assert (law.where, law.quantity, law.law, law.steps) == ("terminals", "series", "root", ("ml1",))
     assert (diagnosis.places[0].where, diagnosis.places[0].step) == ("terminals", "ml1")
     assert "series with the device in ml1" in diagnosis.places[0].says
+
+
+def test_an_instrument_that_is_wrong_for_every_device_has_no_law() -> None:
+    """Of the disk alone, a permittivity that relaxes would be learned and written to its build."""
+    f, build = np.linspace(1.5e6, 7.5e6, 61), replace(BUILD, steps=BUILD.steps[:2])
+    disk, glued = (stack_of(build, step).impedance(f) * (1 + 0.1 / (1 + 1j * f / 4e6)) for step in build.steps)
+    (first,), (second,) = recorded(disk, f).sweeps["disk"], recorded(glued, f).sweeps["disk"]
+    diagnosis = diagnose(FitTask(build, {"disk": (first,), "ml1": (second,)}), effects=("polarity",), learn=True)
+    assert diagnosis.verdict in ("unexplained", "partly-explained")
+    assert diagnosis.effects == ()
+    assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("instrument", "reading")
+    assert diagnosis.places[0].probability > 0.9

@@ -13,6 +13,7 @@ from ....models.effects.learned.laws import Law
 from ....models.effects.learned.learned import LearnedLaw
 from ...error_model.error_columns import stack_of
 from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.problem import Candidate
 from ..search.echo_delays import LikelyDelay, likely_delays
 
 _CONSTANT = Law(
@@ -21,6 +22,8 @@ _CONSTANT = Law(
     lambda x, values: np.full(x.size, values["size"], np.complex128),
     "a constant part of {size}",
 )
+_LEAST, _MOST = 1e-3, 0.9
+"""Limits of the start value of an echo, relative to natural size and largest value."""
 _STEP = 1e-4
 """Correction by which a derivative is taken."""
 
@@ -34,6 +37,19 @@ def delays_at(
     """
     frequency, slope, J, r = linearised(parent, place, steps)
     return likely_delays(frequency, -slope, J, r, low, high)
+
+
+def echo_starts(effect: LearnedLaw, one: Candidate, parent: Hypothesis) -> list[dict[str, float]]:
+    """Return an echo at each of the likeliest delays, with half of the size that explains most to first order."""
+    knobs = {knob.name: knob for knob in one.effect_parameters}
+    delay = knobs["delay"]
+    made: list[dict[str, float]] = []
+    for found in delays_at(parent, effect.place, one.steps, delay.lower, delay.upper):
+        echo = {"echo": knobs["echo"].null} if "echo" in knobs else {}
+        size = effect.natural * found.amplitude / (4 * echo.get("echo", 1.0))
+        size = min(max(size, _LEAST * effect.natural), _MOST * knobs["size"].upper)
+        made.append({one.prefix + name: value for name, value in ({"size": size, "delay": found.delay} | echo).items()})
+    return made
 
 
 def linearised(

@@ -9,7 +9,7 @@ from ....models.effects.learned.laws import laws
 from ..decision_rules import LEFT
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
-from .laws import LearnedCorrection, left_by
+from .law_fits import LearnedCorrection, left_by
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,12 @@ class Choice:
     def inclusion(self, effect: Candidate) -> float:
         """Return the probability that a catalogue effect is present."""
         return self._of(lambda one: effect in one.parent.effects)
+
+    @property
+    def without_law(self) -> Hypothesis | None:
+        """The most probable explanation, if it is one by catalogue effects that leaves no more than usual errors."""
+        best, _ = max(zip(self.explanations, self.shares, strict=True), key=lambda pair: pair[1])
+        return best.parent if best.law is None and best.parent.effects and best.parent.fit.shortfall == 0 else None
 
     def _of(self, which: Callable[[Explanation], bool]) -> float:
         return sum(share for share, one in zip(self.shares, self.explanations, strict=True) if which(one))

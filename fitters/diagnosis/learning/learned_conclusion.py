@@ -41,6 +41,28 @@ def concluded(problem: Problem, conclusion: Conclusion, choice: Choice, final: H
         else:
             sure = choice.inclusion(effect)
             named.append(NamedEffect(effect, sure, moves[effect], share, "finding", without, (), ()))
+    return _with(conclusion, final, named)
+
+
+def concluded_without_law(problem: Problem, conclusion: Conclusion, choice: Choice, found: Hypothesis) -> Conclusion:
+    """Return the conclusion from effects of the catalogue that leave nothing if their formulas do not err.
+
+    The conclusion before left something: smooth errors of its effects' formulas had absorbed what others explain.
+    """
+    moves, known = sizes_of(problem, found), {one.candidate: one for one in conclusion.named}
+    others = [one for one in known if one not in found.effects]
+    instead = [Alternative(one.effect.name, one.where, choice.inclusion(one)) for one in others]
+    said = tuple(one for one in instead if one.probability > _SAID)
+    named: list[NamedEffect] = []
+    for effect in found.effects:
+        less = _less(problem, found, effect)
+        sure, share = choice.inclusion(effect), _share(less, found)
+        named.append(NamedEffect(effect, sure, moves[effect], share, "finding", less, (), said))
+    return _with(conclusion, found, named)
+
+
+def _with(conclusion: Conclusion, final: Hypothesis, named: Sequence[NamedEffect]) -> Conclusion:
+    """Return the conclusion with other effects."""
     return replace(
         conclusion,
         final=final,

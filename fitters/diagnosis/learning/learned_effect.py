@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.base.errors import PzctlError
+from ....models.effects.learned.corrections import INSTRUMENT
 from ....models.effects.learned.learned import NAME
 from ...error_model.error_sizes import ErrorSizes
 from ..decision_rules import LEFT, NAMED
@@ -17,9 +18,12 @@ from ..search.weak_lines import with_weak_lines
 from ..validation.forecast import forecast_of
 from .drawn_corrections import PlacedCorrection
 from .explanations import Choice, Explanation, better, chosen, distinct, enough, explains
-from .laws import learned_laws, plainly_better_laws, sharp_laws
-from .learned_conclusion import concluded, with_its_place
+from .law_fits import LearnedCorrection
+from .laws import learned_laws
+from .learned_conclusion import concluded, concluded_without_law, with_its_place
 from .places import placed_corrections
+from .plain_laws import plainly_better_laws
+from .sharp_laws import sharp_laws
 from .usual_fits import has_usual_fixture, usually_fitted
 
 _SAID = 0.01
@@ -93,22 +97,37 @@ class Learning:
                 explanations += self._the_same_beside(parent, nothing_left)
                 continue
             places[parent], least = self._places(parent, conclusion.something_left)
-            for placed in _likely(places[parent], least):
-                made = learned_laws(self.problem, parent, placed, self.progress)
-                explanations += [Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent)]
-            if parent.unexplained > LEFT and not enough(explanations, parent):
-                plain = self._plain(parent)
-                made = sharp_laws(self.problem, parent, plain, self.progress)
-                made += plainly_better_laws(self.problem, parent, plain, self.progress)
-                explanations += [Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent)]
+            explanations += self._laws_beside(parent, places[parent], least)
         choice = chosen(distinct(explanations))
-        if choice is None or choice.probability < NAMED:
+        if choice is None:
             return conclusion, next(iter(places.values()))
+        if choice.probability < NAMED:
+            known = choice.without_law if conclusion.something_left else None
+            if known is None:
+                return conclusion, next(iter(places.values()))
+            return concluded_without_law(self.problem, conclusion, choice, known), places[known]
         final = self._final(choice)
         problem = self._beside_lines_of(final)
         if not conclusion.something_left and not better(final, choice.best, _beside(problem, conclusion.final)):
             return conclusion, places[choice.best.parent]
         return concluded(problem, conclusion, choice, final), with_its_place(places[choice.best.parent], choice)
+
+    def _laws_beside(self, parent: Hypothesis, places: Sequence[PlacedCorrection], least: float) -> list[Explanation]:
+        """Return the laws that explain something of what a hypothesis leaves; none if the instrument is wrong."""
+        if any(one.place == INSTRUMENT and one.probability > NAMED for one in places):
+            return []
+        made: list[LearnedCorrection] = []
+        for placed in _likely(places, least):
+            made += learned_laws(self.problem, parent, placed, self.progress)
+        found = [Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent)]
+        if parent.unexplained <= LEFT or enough(found, parent):
+            return found
+        plain = self._plain(parent)
+        made = [
+            *sharp_laws(self.problem, parent, plain, self.progress),
+            *plainly_better_laws(self.problem, parent, plain, self.progress),
+        ]
+        return [*found, *(Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent))]
 
     def _the_same_beside(self, parent: Hypothesis, found: Sequence[Explanation]) -> list[Explanation]:
         """Return the best law that leaves nothing beside fewer effects, fitted beside those of another parent.

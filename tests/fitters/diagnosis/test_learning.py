@@ -14,10 +14,12 @@ from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_of
 from pzctl.fitters.diagnosis.learning.delays import delays_at
-from pzctl.fitters.diagnosis.learning.laws import sharp_laws
 from pzctl.fitters.diagnosis.learning.learned_effect import Learning
 from pzctl.fitters.diagnosis.learning.places import all_places
+from pzctl.fitters.diagnosis.learning.plain_laws import plainly_better_laws
 from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
+from pzctl.fitters.diagnosis.learning.sharp_laws import sharp_laws
+from pzctl.fitters.diagnosis.learning.usual_fits import has_usual_fixture, usually_fitted
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
@@ -181,3 +183,23 @@ def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device) -> None
     laws = {one.prefix: one.effect.law_name for one in found.final.effects}
     assert laws == {"learned@terminals.": "series-resistance", "learned-2@terminals.": "shunt-resistance"}
     assert found.final.values["learned-2@terminals.size"] == pytest.approx(4e-3, rel=0.03)
+
+
+def test_a_wire_is_no_residual_of_a_fixture(bare: Device) -> None:
+    """It absorbs 5 nH with five times its usual size; such a fit explains nothing."""
+    f = np.linspace(1.5e6, 7.5e6, 61)
+    problem = Problem.of(solve(recorded(bare.bare.impedance(f) + 2j * np.pi * f * 5e-9, f), lambda _: None), None)
+    assert not has_usual_fixture(fitted(problem, (), problem.values, tau=False))
+    assert usually_fitted(problem, (), problem.values, near=False).fit.sizes.fixture == 0
+    good = Problem.of(solve(recorded(bare.bare.impedance(f), f), lambda _: None), None)
+    assert has_usual_fixture(fitted(good, (), good.values, tau=False))
+
+
+def test_a_law_that_changes_a_device_much_is_found_by_plain_least_squares(bare: Device) -> None:
+    """A permittivity that halves with frequency."""
+    f = np.linspace(1.5e6, 7.5e6, 41)
+    problem = Problem.of(solve(recorded(relaxing(bare.bare, 1.0, 3e6, f), f), lambda _: None), None)
+    plain = fitted(problem, (), problem.values, near=False, rounds=0)
+    best = max(plainly_better_laws(problem, plain, plain), key=lambda one: one.hypothesis.log_evidence)
+    assert best.effect.place == Place("layer:disk", "permittivity")
+    assert best.hypothesis.log_evidence > fitted(problem, (), problem.values, tau=False).log_evidence + 200
