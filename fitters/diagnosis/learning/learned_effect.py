@@ -8,7 +8,7 @@ import numpy as np
 from ....models.base.errors import PzctlError
 from ....models.effects.learned.corrections import INSTRUMENT
 from ....models.effects.learned.learned import NAME
-from ...error_model.error_sizes import ErrorSizes
+from ...error_model.error_sizes import USUAL, ErrorSizes
 from ..decision_rules import LEFT, NAMED
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
@@ -59,7 +59,7 @@ class Learning:
         single = (one for one in tried if len(one.effects) == 1 and one.effects[0].effect.name != UNKNOWN)
         found, places = self.extended(conclusion, [*parents, *single])
         for _ in range(_LAWS - 1):
-            if found is conclusion or found.verdict == "explained":
+            if found is conclusion or _complete(found):
                 break
             conclusion = found
             beside = replace(self, problem=self._beside_lines_of(found.final))
@@ -186,6 +186,12 @@ class Learning:
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return best
         return max(best, made, key=lambda one: one.log_evidence) if has_usual_fixture(made) else best
+
+
+def _complete(found: Conclusion) -> bool:
+    """Return whether nothing is left for a further law: everything is explained without more than usual errors."""
+    sizes = found.final.fit.sizes
+    return found.verdict == "explained" and sizes.tau <= USUAL.tau and sizes.rho <= USUAL.rho
 
 
 def _without_artefacts(problem: Problem, one: Hypothesis) -> list[Hypothesis]:
