@@ -99,7 +99,8 @@ def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], No
         base = _without(joint, [name for name, _, _ in _WIRES])
         far = with_terminals(alone or with_effects(base, Outside()), base, progress, jobs)
         return min((far, near or far), key=lambda one: _chi2_alone(one.whole))
-    alone = alone or fitted_disk(task, _ROUNDS, enough=DESCRIBED, hopeless=hopeless, jobs=jobs)
+    # neither the library's ceramics nor wires lead to it: random ceramics without wires
+    alone = alone or fitted_disk(task, _ROUNDS, hopeless=hopeless, jobs=jobs)
     # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
     if left_by(alone) > hopeless:
         raise FitError(f"a disk of finite diameter leaves {left_by(alone):.2g} of ln Z, more than {hopeless:.2g}")
