@@ -63,9 +63,14 @@ def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
         poles = fit.poles
         trials = [_settled(sweep, noise, [*flaws, *some], poles) for some in new]
         flaws, fit = min(trials, key=lambda trial: trial[1].cost)
-    sure = [again for flaw in flaws if (again := _checked(sweep, noise, flaws, flaw, fit)) is not None]
-    if len(sure) < len(flaws):
-        fit = fit_poles(_frame(sweep, noise, sure))
+    checked = [_checked(sweep, noise, flaws, flaw, fit) for flaw in flaws]
+    while doubtful := [flaw for flaw, (_, sure) in zip(flaws, checked, strict=True) if not sure]:
+        # One at a time: of two flaws that overlap, each looks needless beside the other.
+        scores = {flaw: again.score for flaw, (again, _) in zip(flaws, checked, strict=True)}
+        flaws = [flaw for flaw in flaws if flaw is not min(doubtful, key=scores.__getitem__)]
+        fit = fit_poles(_frame(sweep, noise, flaws))
+        checked = [_checked(sweep, noise, flaws, flaw, fit) for flaw in flaws]
+    sure = [again for again, _ in checked]
     return Abrupt(tuple(sorted(sure, key=lambda flaw: flaw.first)), fit, good_points(sweep, sure))
 
 
@@ -96,8 +101,8 @@ def _look(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], fit: PoleFit) -> 
     local = _local_steps(sweep, np.log(1 - (fit.residual[:n] + 1j * fit.residual[n:]) * noise), noise, flaws)
     if local:
         return [local], fit
-    found = [flaw for flaw in strongest(fit) if _possible(sweep, flaw) and _is_new(flaw, flaws)]
-    if found and found[0].score > _SIGNIFICANT:
+    possible = [flaw for flaw in strongest(fit) if _possible(sweep, flaw) and _is_new(flaw, flaws)]
+    if found := [flaw for flaw in possible if flaw.score > _SIGNIFICANT]:
         step = next((flaw for flaw in found if flaw.is_step(n)), None)
         glitch = next((flaw for flaw in found if not flaw.is_step(n)), None)
         return [[flaw] for flaw in (step, glitch) if flaw is not None], fit
@@ -141,8 +146,8 @@ def _possible(sweep: Sweep, flaw: Glitch) -> bool:
     return abs(flaw.amplitude) > max(_OF_SLOPE * float(np.median(near)), _OF_ROUNDING * rounding)
 
 
-def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], flaw: Glitch, fit: PoleFit) -> Glitch | None:
-    """Return the flaw re-scored with all others known; None if it is no longer significant."""
+def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], flaw: Glitch, fit: PoleFit) -> tuple[Glitch, bool]:
+    """Return the flaw re-scored with all others known, and whether it is still significant."""
     if flaw.is_step(sweep.frequency.size):
         again = standing(fit, flaw)
     else:
@@ -151,7 +156,7 @@ def _checked(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch], flaw: Glitch, 
     clear = flaw.plain or again.raw < _UNCLEAR * again.score
     # Where poles leave more than noise, the residual has bumps of its own, and rounding decides which of them reach 50.
     least = _SIGNIFICANT * max(1.0, fit.chi2_per_dof)
-    return again if clear and again.score > least and _possible(sweep, again) else None
+    return again, clear and again.score > least and _possible(sweep, again)
 
 
 def _frame(sweep: Sweep, noise: Reals, flaws: Sequence[Glitch]) -> Frame:
