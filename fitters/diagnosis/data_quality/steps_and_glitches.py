@@ -63,13 +63,15 @@ def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
         poles = fit.poles
         trials = [_settled(sweep, noise, [*flaws, *some], poles) for some in new]
         flaws, fit = min(trials, key=lambda trial: trial[1].cost)
-    checked = [_checked(sweep, noise, flaws, flaw, fit) for flaw in flaws]
-    while doubtful := [flaw for flaw, (_, sure) in zip(flaws, checked, strict=True) if not sure]:
-        # One at a time: of two flaws that overlap, each looks needless beside the other.
-        scores = {flaw: again.score for flaw, (again, _) in zip(flaws, checked, strict=True)}
-        flaws = [flaw for flaw in flaws if flaw is not min(doubtful, key=scores.__getitem__)]
-        fit = fit_poles(_frame(sweep, noise, flaws))
+    while True:
         checked = [_checked(sweep, noise, flaws, flaw, fit) for flaw in flaws]
+        doubtful = [(again.score, k) for k, (again, sure) in enumerate(checked) if not sure]
+        if not doubtful:
+            break
+        # One at a time: of two flaws that overlap, each looks needless beside the other.
+        _, weakest = min(doubtful)
+        flaws = [flaw for k, flaw in enumerate(flaws) if k != weakest]
+        fit = fit_poles(_frame(sweep, noise, flaws))
     sure = [again for again, _ in checked]
     return Abrupt(tuple(sorted(sure, key=lambda flaw: flaw.first)), fit, good_points(sweep, sure))
 

@@ -28,7 +28,7 @@ def averaged_constants(
     pairs = zip(ranked, probabilities(ranked).tolist(), strict=True)
     likely = [(one, part) for one, part in pairs if part > _NEGLIGIBLE]
     whole = sum(part for _, part in likely)
-    every = [(part / whole, constants_of(problem, one, coarseness)) for one, part in likely]
+    every = [(part / whole, own if one is final else constants_of(problem, one, coarseness)) for one, part in likely]
     return {
         name: replace(
             one,

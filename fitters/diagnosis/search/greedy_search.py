@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Self
+from weakref import WeakSet
 
 import numpy as np
 
@@ -78,7 +79,7 @@ class GreedySearch:
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
     _likely: Candidate | None = None
     _fine: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
-    _continued: set[Hypothesis] = field(default_factory=set[Hypothesis])
+    _continued: WeakSet[Hypothesis] = field(default_factory=WeakSet[Hypothesis])
     _grown: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
 
     @property
