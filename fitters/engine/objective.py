@@ -221,6 +221,10 @@ class Objective:
         total += sum(float(r @ r) for r in self._beforehand(x, values))
         return total / 2 if np.isfinite(total) else np.inf
 
+    def forget(self) -> None:
+        """Release the last evaluation."""
+        self._cache = None
+
     def residual(self, x: Reals) -> Reals:
         """Return the weighted residuals: Re and Im of each recording in turn, then priors and losses."""
         return self._evaluated(x).residual

@@ -7,8 +7,13 @@ from ..stack import Elastic, Stack
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, interface_at, interfaces
 
-_Z, _C, _Q = 2.9e6, 2550.0, 30.0
-"""Unfilled epoxy: Rayl, m/s and quality. Only its compliance l/(z c) is visible, so these values are assumed."""
+_Z, _C, _LOSS = 2.9e6, 2550.0, 1 / 30
+"""Unfilled epoxy: Rayl, m/s and loss tangent. Of a thin layer only the compliance l/(z c) and its loss are visible, so
+impedance and velocity are assumed."""
+_LOSSES = (0.05, 0.03)
+"""Prior loss tangent, mean and standard deviation: quality 10 where it is half cured, 50 where it is hard."""
+_LEAST = 1e-3
+"""Loss tangent below which glue counts as lossless."""
 
 
 class BondLayer(Effect):
@@ -24,8 +29,11 @@ class BondLayer(Effect):
         return interfaces(stack)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s."""
-        return (EffectParameter("thickness", "m", typical=5e-6, upper=2e-4, prior=(8e-6, 1.0)),)
+        """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s, and the loss tangent."""
+        return (
+            EffectParameter("thickness", "m", typical=5e-6, upper=2e-4, prior=(8e-6, 1.0)),
+            EffectParameter("loss", "1", typical=0.03, upper=0.5, null=_LOSS, prior=_LOSSES),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the glue in its place."""
@@ -33,7 +41,8 @@ class BondLayer(Effect):
         thickness = values["thickness"]
         if thickness <= 0:
             return assembly
-        bond = Elastic(f"bond-{where.removeprefix('interface:')}", thickness=thickness, z=_Z, c=_C, q=_Q)
+        q = 1 / max(values.get("loss", _LOSS), _LEAST)
+        bond = Elastic(f"bond-{where.removeprefix('interface:')}", thickness=thickness, z=_Z, c=_C, q=q)
 
         def glued(stack: Stack) -> Stack:
             k = [layer.name for layer in stack.layers].index(before)

@@ -17,6 +17,7 @@ from ..decision_rules import (
     CLASS_NATS,
     FITTED_FIRST,
     FITTED_LATER,
+    HELD_READY,
     MOST,
     NEAR,
     PARENTS,
@@ -142,7 +143,16 @@ class GreedySearch:
         sizes = null.fit.sizes, ErrorSizes()
         about = null.fit.minimum.corrections
         self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True, about=about)}
-        self._fit([_Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in again])
+        for one in again:
+            self._take(self._at(_Plan.after(one, ()), one.fit.minimum))
+        self._fit(
+            [_Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in self._in_reach(self.ranked) if one.effects]
+        )
+
+    def _in_reach(self, some: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Return those of some hypotheses that are not impossible beside the best one, or may not be after a refit."""
+        best = self.best
+        return [one for one in some if one.log_weight > best.log_weight - NEAR * best.coarseness]
 
     def substitute(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""
@@ -190,14 +200,18 @@ class GreedySearch:
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
-        """Return the hypotheses to extend: the best ones, and the best one with the likeliest single effect.
+        """Return the hypotheses to extend.
 
         Those that are as good as the best one, and while even that leaves more than the usual errors, those that may
-        yet win.
+        yet win: the best ones in reach, and the best one with the likeliest single effect.
         """
-        within = (NEAR if self.best.fit.shortfall > NEAR else CLASS_NATS) * self.best.coarseness
-        near = [one for one in self.ranked[:PARENTS] if one.log_weight > self.best.log_weight - within]
-        likely = [one for one in self.ranked if self._likely in one.effects][:1]
+        best, first = self.best, self.ranked[:PARENTS]
+        if best.fit.shortfall > NEAR:
+            near = self._in_reach(first)
+            likely = [one for one in self.ranked if self._likely in one.effects][:1]
+        else:
+            near = [one for one in first if one.log_weight > best.log_weight - CLASS_NATS * best.coarseness]
+            likely = []
         return [
             one
             for one in dict.fromkeys((*near, *likely))
@@ -223,6 +237,25 @@ class GreedySearch:
         beside = ", ".join(one.effect.name for one in parent.effects)
         self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
         self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
+        self._fit(
+            [self._from_parent(parent, promises[0]) for one, promises in chosen.items() if self._lost(parent, one)]
+        )
+
+    def _lost(self, parent: Hypothesis, one: Candidate) -> bool:
+        """Return whether a fit with one more effect ended at a minimum that is worse than without it."""
+        made = self.found.get(frozenset((*parent.effects, one)))
+        return made is None or made.log_weight < parent.log_weight - NEAR
+
+    def _from_parent(self, parent: Hypothesis, promise: ScreenedCandidate) -> _Plan:
+        """Return the start of a fit with one more effect at the minimum without it."""
+        return _Plan(
+            (*parent.effects, promise.candidate),
+            {**parent.values, **promise.start},
+            (parent.fit.sizes,),
+            near=True,
+            rounds=2,
+            about=parent.fit.minimum.corrections,
+        )
 
     def _chosen(
         self, lists: Sequence[Sequence[ScreenedCandidate]], parent: Hypothesis, most: int, *, choosy: bool
@@ -233,8 +266,10 @@ class GreedySearch:
             for promises, least in zip(lists, (SOFT, WORTH, WORTH, WORTH), strict=True):
                 if rank >= len(promises) or promises[rank].gain < least or len(chosen) >= most:
                     continue
-                left = parent.fit.shortfall - promises[rank].gain
-                if not choosy or promises[rank].gain > WORTH * coarseness(left, exact=True):
+                gain = promises[rank].gain
+                left = parent.fit.shortfall - gain
+                one_nat = coarseness(left, parent.fit.sizes.exact)
+                if not choosy or gain > max(one_nat, WORTH * coarseness(left, exact=True)):
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
         return chosen
 
@@ -262,15 +297,21 @@ class GreedySearch:
             minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
             made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
         for one in made:
-            if one is not None:
-                self._take(one)
+            self._take(one)
+        for one in self.ranked[HELD_READY:]:
+            one.fit.forget()
 
     def _minimum(self, plan: _Plan) -> Minimum | None:
         made = self._fitted(plan)
         return None if made is None else made.fit.minimum
 
     def _at(self, plan: _Plan, minimum: Minimum | None) -> Hypothesis | None:
-        return None if minimum is None else at_minimum(self.problem, plan.effects, plan.values, minimum)
+        if minimum is None:
+            return None
+        try:
+            return at_minimum(self.problem, plan.effects, plan.values, minimum)
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return None
 
     def _fitted(self, plan: _Plan) -> Hypothesis | None:
         """Return the fit; None if it cannot be computed, physics or covariance."""
@@ -292,8 +333,8 @@ class GreedySearch:
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return None
 
-    def _take(self, made: Hypothesis) -> None:
-        if np.isfinite(made.log_weight):
+    def _take(self, made: Hypothesis | None) -> None:
+        if made is not None and np.isfinite(made.log_weight):
             known = self.found.get(made.key)
             if known is None or _better(made, known):
                 self.found[made.key] = made
@@ -308,7 +349,7 @@ class GreedySearch:
         """Continue the fits of the best hypotheses to convergence."""
         for _ in range(POLISHED):
             likely = [one for one in self.ranked[:POLISHED] if one.log_weight > self.best.log_weight - NEAR]
-            unfinished = [one for one in self.ranked[:UNFINISHED] if not one.fit.converged]
+            unfinished = [one for one in self._in_reach(self.ranked[:UNFINISHED]) if not one.fit.converged]
             again = [one for one in dict.fromkeys((*likely, *unfinished)) if one.key not in self._fine]
             if not again:
                 break
@@ -324,6 +365,8 @@ class GreedySearch:
             self._continued.add(best)
             exact = best.fit.sizes.exact  # a fit that chose errors again would end elsewhere
             self._fit([_Plan.after(best, _restart(best), rounds=4, fixed=exact)])
+            if abs(self.best.log_weight - best.log_weight) < CLASS_NATS:
+                break
 
     def _may_be_exact(self, one: Hypothesis) -> bool:
         """Return whether a fit has errors that it may not need: without any, evidence counts in full."""
