@@ -232,6 +232,8 @@ class GreedySearch:
         if not parent.effects and lists[1]:
             self._likely = lists[1][0].candidate
         chosen = self._chosen(lists, parent, most, choosy=bool(parent.effects))
+        if not parent.effects:
+            chosen = {**_of_each_kind(lists[0]), **chosen}
         if like is not None:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
         beside = ", ".join(one.effect.name for one in parent.effects)
@@ -392,7 +394,8 @@ class GreedySearch:
     def thin(self, one: Hypothesis) -> None:
         """Remove effects from the best hypothesis one by one while that improves it."""
         rests = [tuple(other for other in one.effects if other is not effect) for effect in one.effects]
-        self._fit([_Plan(rest, one.values, (one.fit.sizes,), near=True) for rest in rests])
+        alone = [(effect,) for effect in one.effects if len(rests) > 2 and frozenset((effect,)) not in self.found]
+        self._fit([_Plan(rest, one.values, (one.fit.sizes,), near=True) for rest in (*rests, *alone)])
         self.polish()
         if self.best is not one and len(self.best.effects) < len(one.effects):
             self.thin(self.best)
@@ -405,6 +408,18 @@ class GreedySearch:
             for one, part in zip(self.ranked, parts, strict=True)
             if any(effect.effect.name in names for effect in one.effects)
         )
+
+
+def _of_each_kind(promises: Sequence[ScreenedCandidate]) -> dict[Candidate, list[ScreenedCandidate]]:
+    """Return the most promising place of each effect.
+
+    What an effect promises is computed where the constants have been led astray by all that is missing: an effect that
+    promises nothing there may explain everything.
+    """
+    first: dict[str, ScreenedCandidate] = {}
+    for promise in promises:
+        first.setdefault(promise.candidate.effect.name, promise)
+    return {promise.candidate: [promise] for promise in first.values()}
 
 
 def _better(made: Hypothesis, known: Hypothesis) -> bool:
