@@ -21,6 +21,7 @@ from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover,
 from .hypotheses.bench_effects import BenchEffect, with_bench_effects
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
+from .hypotheses.hypothesis import Hypothesis
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
 from .hypotheses.problem import Candidate, Problem
 from .inference import finite_diameter as lateral
@@ -82,7 +83,7 @@ def diagnose(
         return disk.diagnosed(early, gated, began)
     search.run()
     found = conclude(search)
-    if disk is not None and found.something_left and (late := disk.beside(as_refit(problem, found.final))) is not None:
+    if disk is not None and found.something_left and (late := disk.beside(found.final)) is not None:
         return disk.diagnosed(late, gated, began)
     return _told(search, choice, found, gated, wanted, began)
 
@@ -156,11 +157,13 @@ class _FiniteDiameter:
         numbers = 2 * sum(recording.sweep.frequency.size for recording in self.problem.recordings)
         return bool(as_noise) and 2 * as_noise[0].gain > NAMED * numbers
 
-    def beside(self, best: Refit) -> lateral.FiniteDisk | None:
+    def beside(self, final: Hypothesis) -> lateral.FiniteDisk | None:
         """Return the disk if it is more probable than the best plate."""
-        null, wanted = self.null, self.wanted
-        early = self._tried or (lateral.tried(self.task, null, best, wanted.progress, wanted.jobs),)
-        made = early[0]
+        null, wanted, best = self.null, self.wanted, as_refit(self.problem, final)
+        early = self._tried
+        if not early and lateral.may_be_left(self.task, final.unexplained):
+            early = (lateral.tried(self.task, null, best, wanted.progress, wanted.jobs),)
+        made = early[0] if early else None
         return None if made is None else lateral.finite(made, self.task, null, best)
 
     def diagnosed(self, wide: lateral.FiniteDisk, gated: Gated, began: float) -> Diagnosis:

@@ -35,6 +35,7 @@ class ThicknessVariation(Effect):
     """
 
     name = "thickness-variation"
+    divides = True
     stage = Stage.SHARES
     says = "The faces of {where} are not parallel: its thickness varies over the area."
     separates = "measure the thickness at five places with a micrometer, or sweep the third overtone"

@@ -94,9 +94,15 @@ class Hypothesis:
         return self.log_evidence + self.log_odds
 
     def others(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates that can stand beside its effects: none of an effect at a place where it has it."""
+        """Return the candidates that can stand beside its effects.
+
+        None of an effect at a place where it has it, and of those that divide the face into strips only one: the strips
+        of two would multiply.
+        """
         taken = {(one.effect.name, one.where) for one in self.effects}
-        return [one for one in candidates if (one.effect.name, one.where) not in taken]
+        divided = any(one.effect.divides for one in self.effects)
+        left = (one for one in candidates if not (divided and one.effect.divides))
+        return [one for one in left if (one.effect.name, one.where) not in taken]
 
     @cached_property
     def values(self) -> dict[str, float]:

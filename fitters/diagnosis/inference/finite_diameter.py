@@ -103,6 +103,14 @@ def shows_early(task: FitTask, null: Refit) -> bool:
     return is_narrow(disk) and _may_be_a_rim(disk, _rms(null))
 
 
+def may_be_left(task: FitTask, unexplained: float) -> bool:
+    """Return whether a plate with effects leaves as much unexplained of ln Z (rms) as a rim would."""
+    try:
+        return _may_be_a_rim(bare_disk(task, "disk2d", round_one=True, frees=True), unexplained)
+    except FitError:
+        return False
+
+
 def _may_be_a_rim(disk: BareDisk, left: float) -> bool:
     """Return whether a plate leaves as much of ln Z (rms) as it would of a disk of this width."""
     return left > max(_SHOWS, _LEAST * _RIM * ratio_of(disk) ** _FALL)

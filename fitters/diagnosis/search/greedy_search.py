@@ -163,7 +163,8 @@ class GreedySearch:
             self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
         self.polish()
-        if self.best.key != one.key and len(self.best.effects) >= len(one.effects):
+        counts = self.best.log_weight > one.log_weight + self.best.coarseness
+        if counts and len(self.best.effects) >= len(one.effects):
             self.substitute(self.best)
 
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
@@ -238,25 +239,27 @@ class GreedySearch:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
         beside = ", ".join(one.effect.name for one in parent.effects)
         self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
+        if parent.effects:
+            self._fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
+            # What promises much where the misfit counts as noise may need constants that are not near these.
+            far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
+            chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
         self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
-        self._fit(
-            [self._from_parent(parent, promises[0]) for one, promises in chosen.items() if self._lost(parent, one)]
-        )
 
     def _lost(self, parent: Hypothesis, one: Candidate) -> bool:
-        """Return whether a fit with one more effect ended at a minimum that is worse than without it."""
+        """Return whether one more effect has not improved a hypothesis."""
         made = self.found.get(frozenset((*parent.effects, one)))
-        return made is None or made.log_weight < parent.log_weight - NEAR
+        return made is None or made.log_weight < parent.log_weight
 
-    def _from_parent(self, parent: Hypothesis, promise: ScreenedCandidate) -> _Plan:
-        """Return the start of a fit with one more effect at the minimum without it."""
+    def _near(self, near: Hypothesis, promise: ScreenedCandidate, parent: Hypothesis) -> _Plan:
+        """Return the start of a fit with one more effect from the minimum without it, or from another one near it."""
         return _Plan(
             (*parent.effects, promise.candidate),
-            {**parent.values, **promise.start},
-            (parent.fit.sizes,),
+            {**near.values, **promise.start},
+            tuple(dict.fromkeys((near.fit.sizes, parent.fit.sizes))),
             near=True,
             rounds=2,
-            about=parent.fit.minimum.corrections,
+            about=near.fit.minimum.corrections,
         )
 
     def _chosen(

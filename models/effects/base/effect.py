@@ -99,6 +99,8 @@ class Effect(ABC):
 
     odds: ClassVar[float] = 1.0
     """Frequency of occurrence relative to an indistinguishable look-alike: a judgement, and a mild one."""
+    divides: ClassVar[bool] = False
+    """Whether it divides the face into many strips."""
     formula_errs: ClassVar[bool] = True
     """Whether a device may deviate smoothly from its formula; not if the formula was chosen to describe the device."""
 
