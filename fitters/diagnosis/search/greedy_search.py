@@ -85,13 +85,19 @@ class GreedySearch:
 
     @property
     def ranked(self) -> list[Hypothesis]:
-        """The hypotheses, most probable first."""
+        """The hypotheses, that of the largest evidence times prior odds first."""
         return sorted(self.found.values(), key=lambda one: -one.log_weight)
 
     @property
     def best(self) -> Hypothesis:
-        """The most probable hypothesis."""
+        """The hypothesis of the largest evidence, times prior odds."""
         return self.ranked[0]
+
+    @property
+    def probable(self) -> list[Hypothesis]:
+        """The same, the largest posterior probability first, for which evidence counts less where it is approximate."""
+        ranked = self.ranked
+        return [ranked[k] for k in np.argsort(-probabilities(ranked), kind="stable").tolist()]
 
     def begin(self) -> Hypothesis:
         """Fit the hypothesis without effects, unless that was done before."""
@@ -102,7 +108,7 @@ class GreedySearch:
         return null
 
     def run(self) -> Hypothesis:
-        """Run the complete search; return the best hypothesis."""
+        """Run the complete search; return the most probable hypothesis."""
         null = self.begin()
         self._fit([_Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
         if self.best is null:
@@ -114,17 +120,17 @@ class GreedySearch:
             self.try_without_errors(self.best)
         self.account_for_lines()
         for _ in range(MOST - 1):
-            before = self.best
+            before = self.probable[0]
             for parent in self._parents():
                 self.grow(parent, FITTED_LATER)
             self.polish()
-            if self.best.key == before.key:
+            if self.probable[0].key == before.key:
                 break
         self.account_for_lines()
-        self.relocate(self.best)
-        self.thin(self.best)
-        self.substitute(self.best)
-        return self.best
+        self.relocate(self.probable[0])
+        self.thin(self.probable[0])
+        self.substitute(self.probable[0])
+        return self.probable[0]
 
     def try_without_errors(self, start: Hypothesis) -> None:
         """Look for hypotheses that explain the recordings to their noise without any errors, beginning at `start`."""
@@ -163,9 +169,9 @@ class GreedySearch:
             self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
         self.polish()
-        counts = self.best.log_weight > one.log_weight + self.best.coarseness
-        if counts and len(self.best.effects) >= len(one.effects):
-            self.substitute(self.best)
+        first = self.probable[0]
+        if first.key != one.key and len(first.effects) >= len(one.effects):
+            self.substitute(first)
 
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
         """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
@@ -206,7 +212,7 @@ class GreedySearch:
         Those that are as good as the best one, and while even that leaves more than the usual errors, those that may
         yet win: the best ones in reach, and the best one with the likeliest single effect.
         """
-        best, first = self.best, self.ranked[:PARENTS]
+        best, first = self.best, self.probable[:PARENTS]
         if best.fit.shortfall > NEAR:
             near = self._in_reach(first)
             likely = [one for one in self.ranked if self._likely in one.effects][:1]
@@ -400,8 +406,9 @@ class GreedySearch:
         alone = [(effect,) for effect in one.effects if len(rests) > 2 and frozenset((effect,)) not in self.found]
         self._fit([_Plan(rest, one.values, (one.fit.sizes,), near=True) for rest in (*rests, *alone)])
         self.polish()
-        if self.best is not one and len(self.best.effects) < len(one.effects):
-            self.thin(self.best)
+        first = self.probable[0]
+        if first is not one and len(first.effects) < len(one.effects):
+            self.thin(first)
 
     def inclusion(self, names: Collection[str]) -> float:
         """Return the posterior probability that any of these effects is present, at whatever place."""
