@@ -84,6 +84,8 @@ def conclude(search: GreedySearch) -> Conclusion:
     while unsure := [one for one in best.effects if sure[one].of_class < NAMED]:
         best = search.without(best, min(unsure, key=lambda one: sure[one].of_class))
         sure = _certainty(search, best)
+    best = _at_its_places(search, best)
+    sure = _certainty(search, best)
     final = _most_probable_alike(search, best, sure)
     if final is not best:
         sure = _certainty(search, final)
@@ -118,6 +120,12 @@ def conclude(search: GreedySearch) -> Conclusion:
     return Conclusion(
         null, final, tuple(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
     )
+
+
+def _at_its_places(search: GreedySearch, one: Hypothesis) -> Hypothesis:
+    """Return the most probable hypothesis with these effects, at whatever places: what was dropped had moved them."""
+    names = sorted(effect.effect.name for effect in one.effects)
+    return next(own for own in search.probable if sorted(effect.effect.name for effect in own.effects) == names)
 
 
 def _most_probable_alike(search: GreedySearch, one: Hypothesis, sure: Mapping[Candidate, "_Certainty"]) -> Hypothesis:

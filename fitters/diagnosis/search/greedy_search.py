@@ -251,6 +251,9 @@ class GreedySearch:
             far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
             chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
         self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
+        if not parent.effects:
+            lost = [promises[0] for one, promises in chosen.items() if self._lost(parent, one)]
+            self._fit([self._near(parent, promise, parent) for promise in lost])
 
     def _lost(self, parent: Hypothesis, one: Candidate) -> bool:
         """Return whether one more effect has not improved a hypothesis."""
