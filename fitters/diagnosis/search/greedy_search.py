@@ -17,6 +17,7 @@ from ..decision_rules import (
     CLASS_NATS,
     FITTED_FIRST,
     FITTED_LATER,
+    LEFT,
     MOST,
     NEAR,
     PARENTS,
@@ -92,6 +93,22 @@ class GreedySearch:
         """The most probable hypothesis."""
         return self.ranked[0]
 
+    def _may_win(self, one: Hypothesis) -> bool:
+        """Return whether a hypothesis is near enough to the best one to count, as the conclusion counts evidence."""
+        return one.log_weight > self.best.log_weight - NEAR * self.best.coarseness
+
+    def _hopeless(self, before: Hypothesis) -> bool:
+        """Return whether too much would be left after as many further effects as there may be beside the best ones.
+
+        If each explained as much of what nothing explains as those did that the best hypothesis has more than the one
+        `before`. What a further effect changes would then be less than what no effect explains, so that it could not be
+        told from that, and would not be named.
+        """
+        added = len(self.best.effects) - len(before.effects)
+        gain = (before.unexplained**2 - self.best.unexplained**2) / max(added, 1)
+        left = self.best.unexplained**2 - LEFT**2
+        return left > 0 and added > 0 and left > (MOST - len(self.best.effects)) * gain
+
     def begin(self) -> Hypothesis:
         """Fit the hypothesis without effects, unless that was done before."""
         if frozenset() in self.found:
@@ -112,7 +129,10 @@ class GreedySearch:
         if self.best.effects:
             self.try_without_errors(self.best)
         self.account_for_lines()
+        before = null
         for _ in range(MOST - 1):
+            if self._hopeless(before):
+                break
             before = self.best
             for parent in self._parents():
                 self.grow(parent, FITTED_LATER)
@@ -138,7 +158,10 @@ class GreedySearch:
             return
         self.progress(f"accounting for {len(problem.lines)} weak resonances")
         self.problem = problem
-        null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
+        null, again = (
+            self.found[frozenset()],
+            [one for one in self.ranked[:RECHECKED] if one.effects and self._may_win(one)],
+        )
         sizes = null.fit.sizes, ErrorSizes()
         about = null.fit.minimum.corrections
         self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True, about=about)}
@@ -197,7 +220,7 @@ class GreedySearch:
         """
         within = (NEAR if self.best.fit.shortfall > NEAR else CLASS_NATS) * self.best.coarseness
         near = [one for one in self.ranked[:PARENTS] if one.log_weight > self.best.log_weight - within]
-        likely = [one for one in self.ranked if self._likely in one.effects][:1]
+        likely = [one for one in self.ranked if self._likely in one.effects and self._may_win(one)][:1]
         return [
             one
             for one in dict.fromkeys((*near, *likely))
@@ -308,7 +331,7 @@ class GreedySearch:
         """Continue the fits of the best hypotheses to convergence."""
         for _ in range(POLISHED):
             likely = [one for one in self.ranked[:POLISHED] if one.log_weight > self.best.log_weight - NEAR]
-            unfinished = [one for one in self.ranked[:UNFINISHED] if not one.fit.converged]
+            unfinished = [one for one in self.ranked[:UNFINISHED] if not one.fit.converged and self._may_win(one)]
             again = [one for one in dict.fromkeys((*likely, *unfinished)) if one.key not in self._fine]
             if not again:
                 break

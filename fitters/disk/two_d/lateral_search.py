@@ -8,12 +8,14 @@ random steps from the best minima so far are ranked, and the best are followed, 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ....models.base.arrays import Reals
 from ...engine.descent import descend
 from ...engine.objective import Objective
+from ...engine.on_cores import on_cores
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
 from .misfit_as_noise import left_of
@@ -29,6 +31,10 @@ _NEAR, _KEPT = 0.35, 4
 # Random steps from the best minima, in the standard deviation of what is drawn, and the number of these minima.
 _DESCRIBED = 2.0
 # Misfit over that expected of the noise up to which a minimum ends the search.
+
+
+_SHARES = 16
+# Parts of a ranking, which processes compute one after the other.
 
 
 @dataclass(frozen=True)
@@ -71,8 +77,9 @@ def searched(
                 starts += [x + spread * rng.normal(size=x.size) for _ in range(effort.draws // _KEPT)]
         search = _NARROW if k % 2 else _WIDE
         ranking = Objective([replace(one, misfit=search[0][0]) for one in rough], coordinates, priors)
-        costs = np.array([float(np.sum(ranking.residual(x) ** 2)) for x in starts])
-        best: list[Reals] = [starts[k] for k in np.argsort(costs).tolist()]
+        costs = on_cores([partial(_cost, ranking, starts[k::_SHARES]) for k in range(_SHARES)], jobs)
+        order = np.argsort([costs[k % _SHARES][k // _SHARES] for k in range(len(starts))])
+        best: list[Reals] = [starts[k] for k in order.tolist()]
         x, more = followed(rough, coordinates, priors, best, search, jobs)
         evaluations += len(starts) + more
         for kind, judging in enumerate(exact):
@@ -85,3 +92,7 @@ def searched(
             break
     _, kind, x = minima[0]
     return x, kind, evaluations
+
+
+def _cost(ranking: Objective, starts: Sequence[Reals]) -> list[float]:
+    return [float(np.sum(ranking.residual(x) ** 2)) for x in starts]
