@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....models.base.arrays import Reals, j_omega
+from ....models.base.arrays import j_omega
 from ...engine.recording import Recording
 
 _LOSS = 0.0125
@@ -21,13 +21,13 @@ _LOSS = 0.0125
 def broadened(recording: Recording) -> Recording:
     """Return the recording as if every loss tangent were larger.
 
-    Near the ends of the band, part of the Lorentz curve lies beyond it. That part counts as noise.
+    Part of the Lorentz curve lies beyond the band, most near its ends; the difference from that counts as noise.
     """
     sweep = recording.sweep
     f, j_w = sweep.frequency, j_omega(sweep.frequency)
-    half: Reals = _LOSS * f / 2
+    own, half = 1 / (j_w * sweep.impedance), _LOSS * f / 2
     weights = np.gradient(f) / ((f[:, None] - f) ** 2 + half[:, None] ** 2)
-    capacitance = (weights / weights.sum(axis=1, keepdims=True)) @ (1 / (j_w * sweep.impedance))
+    capacitance = (weights / weights.sum(axis=1, keepdims=True)) @ own
     beyond = 1 - (np.arctan((f[-1] - f) / half) + np.arctan((f - f[0]) / half)) / np.pi
-    noise = np.hypot(recording.noise, beyond)
+    noise = np.hypot(recording.noise, beyond * (1 + np.mean(np.abs(own)) / np.abs(capacitance)))
     return replace(recording, sweep=replace(sweep, impedance=1 / (j_w * capacitance)), noise=noise)
