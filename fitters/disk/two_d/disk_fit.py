@@ -219,11 +219,11 @@ def _by_random_starts(
         return [replace(thinned(one, _SEARCHED), model=whole) for one in seen]
 
     exact = [few(replace(model, law=law)) for law in (model.law, CONSTANT)]
-    quick = few(rough), few(rough, list(map(broadened, recordings)))
+    quick, wide = few(rough), few(rough, list(map(broadened, recordings)))
     given = [*known, *map(coordinates.inverse, scaled)]
     enough, hopeless = limits
     effort = _WITH_WIRES if outside.added else _ALONE
-    x, kind, evaluations = lateral(quick, exact, coordinates, priors, given, drawn, effort, enough, jobs)
+    x, kind, evaluations = lateral(quick, exact, coordinates, priors, given, drawn, effort, enough, jobs, wide)
     left = left_of(exact[kind], coordinates, x) / math.sqrt(sum(one.sweep.frequency.size for one in exact[kind]))
     if left > hopeless:
         raise FitError(f"a disk of finite diameter leaves {left:.2g} of ln Z, more than {hopeless:.2g}")

@@ -47,7 +47,7 @@ class Effort:
 
 
 def searched(
-    rough: tuple[Sequence[Recording], Sequence[Recording]],
+    rough: Sequence[Recording],
     exact: Sequence[Sequence[Recording]],
     coordinates: Coordinates,
     priors: Sequence[Prior | Posterior],
@@ -56,11 +56,12 @@ def searched(
     effort: Effort,
     enough: float = 0.0,
     jobs: int = 1,
+    wide: Sequence[Recording] = (),
 ) -> tuple[Reals, int, int]:
     """Return the best minimum found, the index of its models in `exact`, and the number of evaluations.
 
-    `rough`: recordings with quick models, as they are and with broadened resonances. `exact`: the same with models that
-    say whether a minimum describes them, which ends the search; there may be several kinds of these. `given`: starts
+    `rough`: recordings with quick models. `wide`: the same with broadened resonances, if these are to be used as long
+    as misfits are large. `exact`: recordings with models that say whether a minimum describes them, which ends the search; there may be several kinds of these. `given`: starts
     that are followed first; `drawn(n)` returns n random ones for later rounds. `enough`: rms of ln Z that ends the
     search as well. `jobs`: number of processes.
     """
@@ -76,11 +77,11 @@ def searched(
             for *_, x in minima[:_KEPT]:
                 starts += [x + spread * rng.normal(size=x.size) for _ in range(effort.draws // _KEPT)]
         search = _NARROW if k % 2 else _WIDE
-        ranking = Objective([replace(one, misfit=search[0][0]) for one in rough[1]], coordinates, priors)
+        ranking = Objective([replace(one, misfit=search[0][0]) for one in wide or rough], coordinates, priors)
         costs = on_cores([partial(_cost, ranking, starts[k::_SHARES]) for k in range(_SHARES)], jobs)
         order = np.argsort([costs[k % _SHARES][k // _SHARES] for k in range(len(starts))])
         best: list[Reals] = [starts[k] for k in order.tolist()]
-        x, more = followed(rough[0], coordinates, priors, best, search, jobs, rough[1])
+        x, more = followed(rough, coordinates, priors, best, search, jobs, wide)
         evaluations += len(starts) + more
         for kind, judging in enumerate(exact):
             last = Objective([replace(one, misfit=_LAST) for one in judging], coordinates, priors)
