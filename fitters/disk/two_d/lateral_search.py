@@ -61,9 +61,9 @@ def searched(
     """Return the best minimum found, the index of its models in `exact`, and the number of evaluations.
 
     `rough`: recordings with quick models. `wide`: the same with broadened resonances, if these are to be used as long
-    as misfits are large. `exact`: recordings with models that say whether a minimum describes them, which ends the search; there may be several kinds of these. `given`: starts
-    that are followed first; `drawn(n)` returns n random ones for later rounds. `enough`: rms of ln Z that ends the
-    search as well. `jobs`: number of processes.
+    as misfits are large. `exact`: recordings with models that say whether a minimum describes them, which ends the
+    search; there may be several kinds of these. `given`: starts that are followed first; `drawn(n)` returns n random
+    ones for later rounds. `enough`: rms of ln Z that ends the search as well. `jobs`: number of processes.
     """
     rng = np.random.default_rng(0)
     expected = math.sqrt(sum(float(np.sum(2 * one.noise**2)) for one in exact[0]))
