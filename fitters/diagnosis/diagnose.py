@@ -37,7 +37,7 @@ from .learning.places import placed_corrections
 from .search.greedy_search import GreedySearch
 from .search.refit import Refit, as_refit
 from .search.score_test import scores
-from .search.screening import screened
+from .search.screening import explaining_most
 from .validation.bands import excess_of, guilty_bands
 from .validation.cross_sample import carried_over
 from .validation.held_out_misfit import held_out_chi2, unforeseen
@@ -151,11 +151,8 @@ class _FiniteDiameter:
 
     def _an_effect_may_do(self) -> bool:
         """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's."""
-        search, null = self.search, self.search.begin()
-        others = [one for one in search.candidates if one.effect.name != lateral.NAME]
-        as_noise, *_ = screened(self.problem, null, others, self.wanted.jobs)
-        numbers = 2 * sum(recording.sweep.frequency.size for recording in self.problem.recordings)
-        return bool(as_noise) and 2 * as_noise[0].gain > NAMED * numbers
+        others = [one for one in self.search.candidates if one.effect.name != lateral.NAME]
+        return bool(explaining_most(self.problem, self.search.begin(), others, self.wanted.jobs))
 
     def beside(self, final: Hypothesis) -> lateral.FiniteDisk | None:
         """Return the disk if it is more probable than the best plate."""
@@ -171,6 +168,9 @@ class _FiniteDiameter:
         wanted, null = self.wanted, self.null
         problem, choice = _posed(Problem.of_model(wide.tried.model, wanted.hold_out), wanted)
         search = _search(problem, choice, wanted)
+        if wide.tried.leaves_much and not search.seeds:
+            candidates = explaining_most(problem, search.begin(), search.candidates, wanted.jobs)
+            search = replace(search, candidates=candidates)
         search.run()
         modelled = replace(wanted, learn=False, others={}, fitter=Disk2DFitter())
         said = _told(search, choice, conclude(search), gated, modelled, began)

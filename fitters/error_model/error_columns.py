@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
-from ...models.base.model import Model
+from ...models.base.model import Approximate, Model
 from ...models.effects import Device
 from ...models.effects.base.branch import branch
 from ...models.effects.base.corrected_path import SERIES, SHUNT
@@ -21,7 +21,11 @@ from .point_covariance import PointErrors
 from .smooth_basis import smooth
 
 Part = str
-"""Part of the error of a column: `slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `shape` or `line`."""
+"""Part of the error of a column.
+
+`slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `shape`, `line`, or `formula`: the known error of an
+approximate model.
+"""
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,8 @@ class WeakLine:
         return np.asarray(residue * branch(j_omega(frequency), 2 * np.pi * self.frequency, self.q), np.complex128)
 
 
+_SHOWS = 1.0
+"""Change of chi2 by the error of a formula from which that counts: less is no evidence of anything."""
 HELD = "held:"
 """Prefix of the correction of a value held as exact."""
 
@@ -114,6 +120,8 @@ class LinearisedRecording:
     """Loss tangent of the same constants."""
     shapes: Mapping[str, Complexes]
     """d ln Z / d ln size of each effect, shape (N,)."""
+    formula: Mapping[str, Complexes]
+    """d ln Z per standard error that the model's formula has in these constants, shape (N,); of an exact one none."""
 
 
 def stack_of(model: Model) -> Stack:
@@ -131,7 +139,9 @@ def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> Linearise
     names = _of_layers(bare) if isinstance(bare, Stack) else _of_parameters(bare)
     Z, slopes = model.jacobian(f, [parameter for _, parameter, _, _ in names])
     felt = {name: slope * value for (name, _, value, _), slope in zip(names, slopes, strict=True)}
-    return LinearisedRecording(recording, Z, felt, {name: loss for name, _, _, loss in names}, shapes)
+    errors: Mapping[str, Reals] = bare.formula_errors(f) if isinstance(bare, Approximate) else {}
+    formula = {name: felt[name] * error for name, error in errors.items() if name in felt}
+    return LinearisedRecording(recording, Z, felt, {name: loss for name, _, _, loss in names}, shapes, formula)
 
 
 _Names = list[tuple[str, str, complex, float]]
@@ -196,6 +206,7 @@ def columns_of(
     _instrument(add, places, grid, fast=fast)
     _fixture(add, places)
     _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
+    _formula(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
     _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE))
     for one in held:
         of = _at(places, one.columns)
@@ -332,6 +343,17 @@ def _shapes(add: _Add, places: Sequence[LinearisedRecording], functions: Sequenc
         for k in range(functions[0].shape[1]):
             for unit in (1.0, 1j):
                 add("shape", 0.0, lambda p, k=k, unit=unit, own=own: scales.SHAPE * unit * own[id(p)] * of[id(p)][:, k])
+
+
+def _formula(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:
+    """Add what approximate models neglect, unless it is less than the recordings can show."""
+    of = _at(places, functions)
+    for name in dict.fromkeys(name for place in places for name in place.formula):
+        in_noise = [np.abs(p.formula[name] / p.recording.noise) for p in places if name in p.formula]
+        if sum(float(np.sum(own**2)) for own in in_noise) < _SHOWS:
+            continue
+        for k in range(functions[0].shape[1]):
+            add("formula", 0.0, lambda p, name=name, k=k: _complex(p.formula.get(name, 0.0) * of[id(p)][:, k]))
 
 
 def _lines(add: _Add, places: Sequence[LinearisedRecording], lines: Sequence[WeakLine]) -> None:

@@ -100,7 +100,7 @@ class ErrorSizes:
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
         sizes = {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "held", "losses", "shape")}
-        return {**sizes, "line": 1.0}
+        return {**sizes, "line": 1.0, "formula": 1.0}
 
 
 USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0)

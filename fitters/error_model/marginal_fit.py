@@ -129,6 +129,11 @@ class MarginalFit:
         return self.minimum.sizes
 
     @property
+    def exact(self) -> bool:
+        """Whether there are no errors but white noise, so that the likelihood is no approximation."""
+        return self.sizes.exact and "formula" not in self.gram.columns.parts
+
+    @property
     def converged(self) -> bool:
         """Whether the last descent ended at a minimum."""
         return self.minimum.converged
@@ -236,7 +241,8 @@ def fit(
             # The quadratic expansion by which these were chosen promised more than it kept.
             now, sizes, held = last, last.sizes, True
             continue
-        exact = (fixed or held) and sizes.exact  # without errors evidence depends on no columns
+        # without errors evidence depends on no columns
+        exact = (fixed or held) and sizes.exact and "formula" not in now.made.columns.parts
         converged = now.steps < _STEPS and (exact or abs(now.log_evidence - before) < _SETTLED)
         if (k >= rounds - 1 and converged) or (k > 0 and now.steps <= 1 and now.remainder < _LINEAR):
             break

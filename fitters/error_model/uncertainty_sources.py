@@ -150,11 +150,12 @@ def _plausible(squares: float, count: int) -> float:
 def _usual_share(columns: ErrorColumns, sizes: ErrorSizes) -> Reals:
     """Return the part of each column's prior variance that is an imperfection every device has, shape (C,).
 
-    So are deviations from the formulas of the effects: an effect explains what deviates as much as real ones do.
+    So are deviations from the formulas of the effects, since an effect explains what deviates as much as real ones do,
+    and what an approximate model is known to neglect.
     """
     losses = (columns.losses * sizes.losses) ** 2
     of_imaginary = losses / np.maximum(losses + (IMAGINARY * sizes.tau) ** 2, 1e-300)
-    known = {"line": 1.0, "losses": 1.0, "shape": 1.0}
+    known = {"line": 1.0, "losses": 1.0, "shape": 1.0, "formula": 1.0}
     return np.array(
         [of_imaginary[k] if part == "imaginary" else known.get(part, 0.0) for k, part in enumerate(columns.parts)]
     )

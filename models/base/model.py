@@ -1,9 +1,9 @@
 """Protocol of an impedance model: named parameters, replacement of them, Z and its derivatives."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, Self
+from typing import Protocol, Self, runtime_checkable
 
-from .arrays import Complexes, Frequencies, Impedances
+from .arrays import Complexes, Frequencies, Impedances, Reals
 
 
 class Model(Protocol):
@@ -30,5 +30,17 @@ class Model(Protocol):
         """Return Z, shape (N,), and d ln Z / d parameter, shape (P, N), exact, in the order of `names`.
 
         Raises KeyError for an unknown name.
+        """
+        ...
+
+
+@runtime_checkable
+class Approximate(Protocol):
+    """A model whose formula is an approximation of known accuracy."""
+
+    def formula_errors(self, frequency: Frequencies) -> Mapping[str, Reals]:
+        """Return what the neglected terms amount to: the relative standard error of constants, smooth in frequency.
+
+        By name without the part (`disk.s11E`), each of shape (N,) at frequencies in Hz, shape (N,).
         """
         ...

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ..base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ..base.names import require
 from ..constants.causal import continued
 from ..constants.piezo_constants import Radial
@@ -77,6 +77,10 @@ class RadialDisk:
             slopes[name] = slopes.get(name, 0) + slope
         rows = np.array([-slopes[name] * Z for name in names], np.complex128)
         return Z, rows.reshape(len(names), frequency.size)
+
+    def formula_errors(self, frequency: Frequencies) -> dict[str, Reals]:
+        """Return the relative standard errors of stiffness and coupling; see `Approximate`."""
+        return _errors_of(self.arm, frequency)
 
     def _empty(self, frequency: Frequencies) -> Complexes:
         """Return jw area/t: the admittance for a permittivity of one."""
@@ -188,6 +192,10 @@ class BothModes:
                 made[k] -= Z * slopes[name]
         return Z, made
 
+    def formula_errors(self, frequency: Frequencies) -> dict[str, Reals]:
+        """Return those of the radial arm, without those of the modes that the model lacks."""
+        return _errors_of(self.arm, frequency)
+
     @property
     def _stiffness(self) -> str:
         return f"{self.arm.name}.c33D.re"
@@ -196,3 +204,8 @@ class BothModes:
         """Return the weight of the radial arm at each frequency, shape (N,): 1 far below the thickness mode."""
         speed = np.sqrt(self.stack.parameters()[self._stiffness] / self.arm.density)
         return 1 / (1 + (2 * self.arm.thickness * frequency / (_FADES_AT * speed)) ** 6)
+
+
+def _errors_of(arm: RadialArm, frequency: Frequencies) -> dict[str, Reals]:
+    error = arm.formula_error(frequency)
+    return {f"{arm.name}.{constant}": error for constant in ("s11E", "d31")}

@@ -1,7 +1,9 @@
 """Capacitance over frequency of a reduced disk, with the derivative by every constant and size."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -42,10 +44,9 @@ def _bands(frequency: Frequencies) -> list[slice]:
     return [slice(low, high) for low, high in pairwise(ends) if high > low]
 
 
-def _solved(
-    disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool
+def _bands_of(
+    disk: ReducedDisk, shape: Shape, weights: Complexes, frequency: Frequencies, rough: bool
 ) -> list[tuple[slice, Band]]:
-    weights = shape.weights(constants)
     if not np.all(np.isfinite(weights)):
         raise DiskError("these constants are not finite: they are those of no disk")
     middle = int(np.searchsorted(frequency, math.sqrt(float(frequency[0]) * float(frequency[-1]))))
@@ -60,45 +61,58 @@ def _solved(
     return made
 
 
-def capacitance(
+@dataclass(frozen=True, eq=False)
+class SolvedDisk:
+    """A reduced disk, solved over frequency."""
+
+    shape: Shape
+    constants: Complexes
+    """At each frequency, shape (N, 10), SI."""
+    frequency: Frequencies
+    """Hz, rising, shape (N,)."""
+    capacitance: Complexes
+    """Y/(jw) in F, shape (N,)."""
+    _parts: Sequence[tuple[slice, Band, Complexes]]
+    """Bands with their displacements."""
+
+    @cached_property
+    def slopes(self) -> CapacitanceSlopes:
+        """The derivatives, which cost no further solution, since the form is stationary, but half as much again."""
+        weights, lengths = self.shape.weights(self.constants), self.shape.lengths
+        empty = np.pi * self.shape.radius**2 / self.shape.thickness
+        still = self.constants[:, _EPS33S] * empty
+        by_term = np.zeros(weights.shape, np.complex128)
+        by_mass = np.zeros(self.frequency.size, np.complex128)
+        for part, band, y in self._parts:
+            by_term[part], by_mass[part] = band.slopes(y)
+        by_term *= -4 * np.pi
+        by_density = 4 * np.pi * (2 * np.pi * self.frequency) ** 2 * by_mass
+        by_constant = np.zeros(self.constants.shape, np.complex128)
+        for k, constant in enumerate(OF_TERM.tolist()):
+            by_constant[:, constant] += by_term[:, k] * lengths[k]
+        by_constant[:, _EPS33S] += empty
+        scaled = by_term * weights
+        return CapacitanceSlopes(
+            self.capacitance,
+            by_constant,
+            scaled @ POWERS + 2 * by_density + 2 * still,
+            scaled @ (1 - POWERS) + by_density - still,
+            by_density,
+        )
+
+
+def solved(
     disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool = False
-) -> Complexes:
-    """Return Y/(jw) in F, shape (N,), at rising frequencies in Hz; constants at each of them, shape (N, 10), SI.
+) -> SolvedDisk:
+    """Solve the disk at rising frequencies in Hz; constants at each of them, shape (N, 10), SI.
 
     Constants are smooth over an octave, as causal ones are: a parabola in ln f stands for them.
     `rough`: to a thousandth or so, at half the cost. Raises DiskError for constants that are not finite.
     """
     made = constants[:, _EPS33S] * np.pi * shape.radius**2 / shape.thickness
-    for part, band in _solved(disk, shape, constants, frequency, rough):
-        made[part] -= 4 * np.pi * band.solve()[1]
-    return made
-
-
-def slopes(
-    disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool = False
-) -> CapacitanceSlopes:
-    """Return the same with its derivatives, which cost no further solution: the form is stationary."""
-    weights, lengths = shape.weights(constants), shape.lengths
-    empty = np.pi * shape.radius**2 / shape.thickness
-    still = constants[:, _EPS33S] * empty
-    whole = still.copy()
-    by_term = np.zeros(weights.shape, np.complex128)
-    by_mass = np.zeros(frequency.size, np.complex128)
-    for part, band in _solved(disk, shape, constants, frequency, rough):
+    parts: list[tuple[slice, Band, Complexes]] = []
+    for part, band in _bands_of(disk, shape, shape.weights(constants), frequency, rough):
         y, form = band.solve()
-        whole[part] -= 4 * np.pi * form
-        by_term[part], by_mass[part] = band.slopes(y)
-    by_term *= -4 * np.pi
-    by_density = 4 * np.pi * (2 * np.pi * frequency) ** 2 * by_mass
-    by_constant = np.zeros(constants.shape, np.complex128)
-    for k, constant in enumerate(OF_TERM.tolist()):
-        by_constant[:, constant] += by_term[:, k] * lengths[k]
-    by_constant[:, _EPS33S] += empty
-    scaled = by_term * weights
-    return CapacitanceSlopes(
-        whole,
-        by_constant,
-        scaled @ POWERS + 2 * by_density + 2 * still,
-        scaled @ (1 - POWERS) + by_density - still,
-        by_density,
-    )
+        made[part] -= 4 * np.pi * form
+        parts.append((part, band, y))
+    return SolvedDisk(shape, constants, frequency, made, parts)

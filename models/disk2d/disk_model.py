@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
 from ..base.model import Model
@@ -12,7 +14,7 @@ from ..base.names import require
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
 from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, require_positive
-from .capacitance import CapacitanceSlopes, slopes
+from .capacitance import CapacitanceSlopes, SolvedDisk, solved
 from .full import Shape
 from .matrices import CONSTANTS
 from .reduced import ReducedDisk
@@ -94,7 +96,7 @@ class Disk2D:
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
-        return 1 / (j_omega(frequency) * self._slopes(frequency).capacitance)
+        return 1 / (j_omega(frequency) * self._solved(frequency).capacitance)
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N). Raises KeyError for an unknown name."""
@@ -120,22 +122,38 @@ class Disk2D:
         return -np.sum(made.by_constant * (other.over(frequency) - self.over(frequency)), axis=1) / made.capacitance
 
     def _slopes(self, frequency: Frequencies) -> CapacitanceSlopes:
-        """Return the capacitance and its derivatives, which cost little beside it, in the order of `frequency`."""
+        """Return the capacitance and its derivatives, in the order of `frequency`."""
+        return self._solved(frequency).slopes
+
+    def _solved(self, frequency: Frequencies) -> "_Known":
+        """Return the disk solved at these frequencies, from what is known if it has been."""
         for known in self._known:
             if known.disk == self and np.array_equal(known.frequency, frequency):
-                return known.slopes
+                return known
         order = np.argsort(frequency)
-        back = np.argsort(order)
-        rising = slopes(self.reduced, self.shape, self.over(frequency[order]), frequency[order], self.rough)
-        made = CapacitanceSlopes(*(getattr(rising, one.name)[back] for one in fields(rising)))
-        self._known[:] = [_Known(self, frequency.copy(), made), *self._known[: _KEPT - 1]]
-        return made
+        rising = frequency[order]
+        made = solved(self.reduced, self.shape, self.over(rising), rising, self.rough)
+        known = _Known(self, frequency.copy(), made, np.argsort(order))
+        self._known[:] = [known, *self._known[: _KEPT - 1]]
+        return known
 
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """A result of a disk."""
+    """A result of a disk, in the order of the frequencies that it was asked for."""
 
     disk: Disk2D
     frequency: Frequencies
-    slopes: CapacitanceSlopes
+    rising: SolvedDisk
+    back: NDArray[np.intp]
+
+    @cached_property
+    def capacitance(self) -> Complexes:
+        """F, shape (N,)."""
+        return self.rising.capacitance[self.back]
+
+    @cached_property
+    def slopes(self) -> CapacitanceSlopes:
+        """The capacitance with its derivatives."""
+        rising = self.rising.slopes
+        return CapacitanceSlopes(*(getattr(rising, one.name)[self.back] for one in fields(rising)))

@@ -18,7 +18,7 @@ from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.constants.causal import continued
 from pzctl.models.constants.tensor import Tensor6mm
-from pzctl.models.disk2d.capacitance import capacitance, slopes
+from pzctl.models.disk2d.capacitance import solved
 from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.disk2d.error_estimate import estimate
 from pzctl.models.disk2d.full import FullDisk, Shape
@@ -62,14 +62,14 @@ def test_a_curve_of_801_points_costs_1_300_of_801_sparse_solutions(ratio):
         tensor = lossy(rng)
         c = Disk2D("d", tensor, 1.0, 1.0, 1.0, reduced, CausalConstantQ(4e5)).over(f)
         true = full.capacitance(shape, c[some], f[some])
-        errors.append(np.abs(capacitance(reduced, shape, c, f)[some] / true - 1).max())
+        errors.append(np.abs(solved(reduced, shape, c, f).capacitance[some] / true - 1).max())
         said.append(estimate(full, reduced, shape, c[some], f[some]).max())
     solution = least(lambda: full.solution(shape, c[400], float(f[400])), 5)
     rival = SkfemDisk(shape.radius, shape.thickness, 3)
     apart = np.abs(rival.capacitance(c[some], DENSITY, f[some]) / true - 1).max()
     other = least(lambda: rival.capacitance(c[400:401], DENSITY, f[400:401]), 3)
-    curve = least(lambda: capacitance(reduced, shape, c, f), 3)
-    both = least(lambda: slopes(reduced, shape, c, f), 3)
+    curve = least(lambda: solved(reduced, shape, c, f).capacitance, 3)
+    both = least(lambda: solved(reduced, shape, c, f).slopes, 3)
     print(
         f"\nD/t {ratio}: {full.size} unknowns reduced to {reduced.u.shape[1]} + {reduced.p.shape[1]}, {offline:.0f} s; "
         f"801 sparse solutions {801 * solution:.0f} s, curve {1e3 * curve:.0f} ms (1/{801 * solution / curve:.0f}), "
@@ -170,7 +170,7 @@ def test_possible_causes_of_the_residual_in_the_radial_modes_of_the_disk_of_35_b
     real = np.array([abs(getattr(tensor, name).real) for name in CONSTANTS])
     widths = np.column_stack([0.15 * real, 0.01 * real]).ravel()
 
-    over, by = disk.over(f), slopes(disk.reduced, disk.shape, disk.over(f), f)
+    over, by = disk.over(f), solved(disk.reduced, disk.shape, disk.over(f), f).slopes
     radial = tensor.radial
     softer = over.copy()  # stiffness at constant field falls, d and the free permittivity stay
     softer[:, 8], softer[:, 9] = 0.0, over[:, 9] - radial.eps33T

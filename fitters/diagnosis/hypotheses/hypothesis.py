@@ -112,7 +112,7 @@ class Hypothesis:
     @property
     def coarseness(self) -> float:
         """How much ln evidence counts as one nat if this is the best explanation."""
-        return coarseness(self.fit.shortfall, self.fit.sizes.exact)
+        return coarseness(self.fit.shortfall, self.fit.exact)
 
     @property
     def objective(self) -> Objective:

@@ -9,8 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
+from ....models.base.arrays import Frequencies, Impedances
 from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.effects import find_effect
@@ -19,7 +21,7 @@ from ....models.stack import LossLaw
 from ...disk.bare_disk import BareDisk, bare_disk
 from ...disk.two_d.disk2d import disk_result
 from ...disk.two_d.disk_fit import FittedDisk
-from ...disk.two_d.disk_under_diagnosis import diagnosable
+from ...disk.two_d.disk_under_diagnosis import diagnosable, thinner
 from ...disk.two_d.tensor_start import implausibility
 from ...engine.fitted_model import FittedModel, Seed
 from ...engine.objective import Objective
@@ -31,7 +33,7 @@ from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
-from .disk_with_wires import disk_with_wires, is_narrow, ratio_of
+from .disk_with_wires import DESCRIBED, disk_with_wires, is_narrow, ratio_of
 
 NAME = "lateral-modes"
 _SHOWS = 0.02
@@ -44,6 +46,8 @@ _SHOWN = 10.0
 """Prior odds that recordings show the rim of a disk so narrow that it could: damped or apodized rims are rare."""
 _LEFT = 0.1
 """Part of what a plate leaves of ln Z (rms) that a disk may leave to explain it."""
+_DENSE = 100.0
+"""chi2 from which noise no longer limits what a sweep says: the misfit of a disk is alike at neighbouring points."""
 _MORE = 14
 """Number of parameters that the disk model has beyond a plate: seven complex constants."""
 
@@ -60,12 +64,21 @@ class DiskTried:
     """Of the whole."""
 
     @property
+    def leaves_much(self) -> bool:
+        """Whether it leaves far more than noise and its own error, with all effects that were found beside it."""
+        return self.result.chi2_per_dof > _DENSE and self.result.rms_log_error > DESCRIBED
+
+    @property
     def model(self) -> FittedModel:
-        """The disk without effects, with the law of losses that fits with them; a search begins with them."""
-        bare, objective = self.alone.descent, self.alone.descent.objective
+        """The disk without effects, with the law of losses that fits with them; a search begins with them.
+
+        On a few hundred points of each sweep where it leaves much: points between say the same.
+        """
+        bare = thinner(self.alone) if self.leaves_much else self.alone
+        objective = bare.descent.objective
         recordings = [_lossy(one, self.whole.model.law) for one in objective.recordings]
         same = Objective(recordings, objective.coordinates, objective.priors)
-        made = diagnosable(replace(self.alone, model=self.whole.model, descent=replace(bare, objective=same)))
+        made = diagnosable(replace(bare, model=self.whole.model, descent=replace(bare.descent, objective=same)))
         names = frozenset((one.effect.name, one.where) for one in self.beside)
         values, _ = self.whole.descent.objective.coordinates.forward(self.whole.descent.x)
         return replace(made, seeds=(Seed(names, values),) if names else ())
@@ -237,7 +250,10 @@ def beside(finite: FiniteDisk, found: Sequence[Finding]) -> list[Finding]:
 
 
 def curves(of_disk: Sequence[Curve], of_null: Sequence[Curve]) -> tuple[Curve, ...]:
-    """Return one final curve per initial curve; outside the range of the two-dimensional fit it is unchanged."""
+    """Return one final curve per initial curve; outside the range of the two-dimensional fit it is unchanged.
+
+    Between points that the fit left out the curves are interpolated.
+    """
     left = list(of_disk)
     made: list[Curve] = []
     for curve in of_null:
@@ -246,14 +262,22 @@ def curves(of_disk: Sequence[Curve], of_null: Sequence[Curve]) -> tuple[Curve, .
             made.append(curve)
             continue
         left = [one for one in left if one is not own]
-        inside = np.isin(curve.frequency, own.frequency)
+        inside = (curve.frequency >= own.frequency[0]) & (curve.frequency <= own.frequency[-1])
         fitted = curve.fitted.copy()
-        fitted[inside] = own.fitted
+        fitted[inside] = _at(curve.frequency[inside], own.frequency, own.fitted)
         explained = None if own.explained is None else fitted.copy()
-        if explained is not None:
-            explained[inside] = own.explained
+        if explained is not None and own.explained is not None:
+            explained[inside] = _at(curve.frequency[inside], own.frequency, own.explained)
         made.append(replace(curve, fitted=fitted, explained=explained))
     return tuple(made)
+
+
+def _at(frequency: Frequencies, known: Frequencies, Z: Impedances) -> Impedances:
+    """Return an impedance at frequencies between those at which it is known, by a cubic spline of its logarithm."""
+    if np.array_equal(frequency, known):
+        return Z
+    log_Z = np.log(np.abs(Z)) + 1j * np.unwrap(np.angle(Z))
+    return np.asarray(np.exp(CubicSpline(known, log_Z)(frequency)), np.complex128)
 
 
 def _sizes(constants: Mapping[str, Constant], layer: str) -> dict[str, Size]:

@@ -15,6 +15,7 @@ from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns, WeakLine
 from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import Kernel, PointErrors
+from ..decision_rules import NAMED
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 from .echo_delays import likely_delays
@@ -74,6 +75,19 @@ def screened(
     treatments = (None, usual_errors, own, own.smooth)
     gains = {sizes: _gains(parent, changes, furthest, sizes) for sizes in treatments}  # some may be the same
     return tuple(_ranked(starts, gains[sizes], twins) for sizes in treatments)
+
+
+def explaining_most(
+    problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate], jobs: int = 1
+) -> tuple[Candidate, ...]:
+    """Return the candidates that promise to explain most of what a hypothesis leaves, beside small shifts of constants.
+
+    Only these can be named if much more than noise is left: what an effect changes must be more than what no effect
+    explains to be told from it.
+    """
+    as_noise, *_ = screened(problem, parent, candidates, jobs)
+    numbers = 2 * sum(recording.sweep.frequency.size for recording in problem.recordings)
+    return tuple(one.candidate for one in as_noise if 2 * one.gain > NAMED * numbers)
 
 
 def resembling(

@@ -22,6 +22,7 @@ from ...engine.recording import Posterior, Prior, Recording
 from ...interface import FitError, FitTask, TaskError
 from ..bare_disk import BareDisk, bare_disk
 from ..planar_result import radial_named
+from .broadened import broadened
 from .lateral_search import Effort
 from .lateral_search import searched as lateral
 from .misfit_as_noise import at_level, judged, left_of
@@ -213,17 +214,16 @@ def _by_random_starts(
         tensors = drawn_starts(disk, scaled[:_SCALED], coordinates, count, rng)
         return [outside.drawn(x, coordinates.free, rng) for x in tensors]
 
-    def few(law: LossLaw, roughly: bool) -> list[Recording]:
-        device = outside.around(replace(model, law=law, rough=roughly), outside.start)
-        return [replace(thinned(one, _SEARCHED), model=device) for one in recordings]
+    def few(device: Disk2D, seen: Sequence[Recording] = recordings) -> list[Recording]:
+        whole = outside.around(device, outside.start)
+        return [replace(thinned(one, _SEARCHED), model=whole) for one in seen]
 
-    exact = [few(law, roughly=False) for law in (model.law, CONSTANT)]
+    exact = [few(replace(model, law=law)) for law in (model.law, CONSTANT)]
+    quick, wide = few(rough), few(rough, list(map(broadened, recordings)))
     given = [*known, *map(coordinates.inverse, scaled)]
     enough, hopeless = limits
     effort = _WITH_WIRES if outside.added else _ALONE
-    x, kind, evaluations = lateral(
-        few(model.law, roughly=True), exact, coordinates, priors, given, drawn, effort, enough, jobs
-    )
+    x, kind, evaluations = lateral(quick, exact, coordinates, priors, given, drawn, effort, enough, jobs, wide)
     left = left_of(exact[kind], coordinates, x) / math.sqrt(sum(one.sweep.frequency.size for one in exact[kind]))
     if left > hopeless:
         raise FitError(f"a disk of finite diameter leaves {left:.2g} of ln Z, more than {hopeless:.2g}")

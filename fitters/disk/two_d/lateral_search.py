@@ -8,12 +8,14 @@ random steps from the best minima so far are ranked, and the best are followed, 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ....models.base.arrays import Reals
 from ...engine.descent import descend
 from ...engine.objective import Objective
+from ...engine.on_cores import on_cores
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
 from .misfit_as_noise import left_of
@@ -29,6 +31,10 @@ _NEAR, _KEPT = 0.35, 4
 # Random steps from the best minima, in the standard deviation of what is drawn, and the number of these minima.
 _DESCRIBED = 2.0
 # Misfit over that expected of the noise up to which a minimum ends the search.
+
+
+_SHARES = 16
+# Parts of a ranking, which processes compute one after the other.
 
 
 @dataclass(frozen=True)
@@ -50,13 +56,14 @@ def searched(
     effort: Effort,
     enough: float = 0.0,
     jobs: int = 1,
+    wide: Sequence[Recording] = (),
 ) -> tuple[Reals, int, int]:
     """Return the best minimum found, the index of its models in `exact`, and the number of evaluations.
 
-    `rough`: recordings with quick models. `exact`: the same with models that say whether a minimum describes them,
-    which ends the search; there may be several kinds of these. `given`: starts that are followed first; `drawn(n)`
-    returns n random ones for later rounds. `enough`: rms of ln Z that ends the search as well. `jobs`: number of
-    processes.
+    `rough`: recordings with quick models. `wide`: the same with broadened resonances, if these are to be used as long
+    as misfits are large. `exact`: recordings with models that say whether a minimum describes them, which ends the
+    search; there may be several kinds of these. `given`: starts that are followed first; `drawn(n)` returns n random
+    ones for later rounds. `enough`: rms of ln Z that ends the search as well. `jobs`: number of processes.
     """
     rng = np.random.default_rng(0)
     expected = math.sqrt(sum(float(np.sum(2 * one.noise**2)) for one in exact[0]))
@@ -70,10 +77,11 @@ def searched(
             for *_, x in minima[:_KEPT]:
                 starts += [x + spread * rng.normal(size=x.size) for _ in range(effort.draws // _KEPT)]
         search = _NARROW if k % 2 else _WIDE
-        ranking = Objective([replace(one, misfit=search[0][0]) for one in rough], coordinates, priors)
-        costs = np.array([float(np.sum(ranking.residual(x) ** 2)) for x in starts])
-        best: list[Reals] = [starts[k] for k in np.argsort(costs).tolist()]
-        x, more = followed(rough, coordinates, priors, best, search, jobs)
+        ranking = Objective([replace(one, misfit=search[0][0]) for one in wide or rough], coordinates, priors)
+        costs = on_cores([partial(_cost, ranking, starts[k::_SHARES]) for k in range(_SHARES)], jobs)
+        order = np.argsort([costs[k % _SHARES][k // _SHARES] for k in range(len(starts))])
+        best: list[Reals] = [starts[k] for k in order.tolist()]
+        x, more = followed(rough, coordinates, priors, best, search, jobs, wide)
         evaluations += len(starts) + more
         for kind, judging in enumerate(exact):
             last = Objective([replace(one, misfit=_LAST) for one in judging], coordinates, priors)
@@ -85,3 +93,7 @@ def searched(
             break
     _, kind, x = minima[0]
     return x, kind, evaluations
+
+
+def _cost(ranking: Objective, starts: Sequence[Reals]) -> list[float]:
+    return [float(np.sum(ranking.residual(x) ** 2)) for x in starts]

@@ -17,6 +17,7 @@ from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
 from ...interface import FitError
 from ..bare_disk import BareDisk
+from .broadened import broadened
 from .tensor_start import matched
 
 Known: TypeAlias = Prior | Posterior
@@ -28,6 +29,8 @@ _HURRIED = tuple((misfit, max(1, count // 3), most) for misfit, count, most in _
 _FAR, _SAME = 4.0, 0.02
 # Places that cost this many times as much as the best, or are this close to a better one, are dropped.
 _ROUGH = 3e-3
+_WIDE = 0.1
+# Misfit from which resonances are broadened: a smaller one tells them from those of a disk with more loss.
 
 
 def searched(
@@ -49,8 +52,9 @@ def searched(
     places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates, {})]
     coarse = [replace(thinned(recording), model=model) for recording in recordings]
     evaluations = len(places)
+    wide = [replace(thinned(broadened(recording)), model=model) for recording in recordings]
     if enough > 0:
-        x, more = followed(coarse, coordinates, priors, places, _HURRIED, jobs)
+        x, more = followed(coarse, coordinates, priors, places, _HURRIED, jobs, wide)
         ratios = Objective(coarse, coordinates, ()).log_ratios(x)
         left = max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios)
         evaluations += more
@@ -58,7 +62,7 @@ def searched(
             raise FitError(f"a disk of finite diameter leaves {left:.2g} of ln Z, more than {hopeless:.2g}")
         if left < enough:
             return x, evaluations
-    x, more = followed(coarse, coordinates, priors, places, _SEARCH, jobs)
+    x, more = followed(coarse, coordinates, priors, places, _SEARCH, jobs, wide)
     return x, evaluations + more
 
 
@@ -69,14 +73,17 @@ def followed(
     places: list[Reals],
     search: Sequence[tuple[float, int, int]],
     jobs: int,
+    wide: Sequence[Recording] = (),
 ) -> tuple[Reals, int]:
     """Return the deepest place that descents from `places` lead to, and the number of evaluations.
 
     `search`: successive misfits that are counted as noise, the number of places followed, and the steps from each.
+    `wide`: the recordings with broader resonances, if there are such, to be used as long as misfits are large.
     """
     evaluations = 0
     for misfit, count, most in search:
-        objective = Objective([replace(each, misfit=misfit) for each in coarse], coordinates, priors)
+        seen = wide if wide and misfit >= _WIDE else coarse
+        objective = Objective([replace(each, misfit=misfit) for each in seen], coordinates, priors)
         tried = on_cores([partial(_bottom, objective, x, most) for x in places[:count]], jobs)
         evaluations += sum(bottom.evaluations for bottom in tried)
         tried.sort(key=lambda bottom: bottom.cost)

@@ -3,7 +3,8 @@
 import mpmath
 import numpy as np
 import pytest
-from complex_ceramic import MATERIAL
+from complex_ceramic import MATERIAL, TENSOR
+from disk_skfem import SkfemDisk
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
@@ -11,9 +12,11 @@ from passive_coordinates import radial_from_coordinates
 from scipy.optimize import brentq
 
 from pzctl.models.constants.piezo_constants import Radial
+from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk.bessel import RadialResonance
 from pzctl.models.disk.radial import RadialError
 from pzctl.models.disk.round_disk import BothModes, RadialDisk
+from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.materials import SHERRIT_RADIAL, find
 from pzctl.models.stack import VACUUM, CausalConstantQ, Piezo, Stack
 
@@ -114,6 +117,22 @@ def test_finite_thickness_shifts_modes_as_in_plate_theory_and_finite_elements():
         assert moved == pytest.approx(-unit * (eta**2 / 6 + 0.25), rel=0.04)
     moved = antiresonance(thick, 2.25e5, 3e5) / antiresonance(thin, 2.25e5, 3e5) - 1
     assert moved == pytest.approx(-0.64 * unit, abs=0.06 * unit)  # finite elements: 0.61 to 0.67
+
+
+def test_its_formula_is_as_accurate_as_it_says():
+    ten = np.array([complex(getattr(TENSOR, name)).real + 0j for name in CONSTANTS])
+    c13, c33, e33, density, thickness = *ten[[2, 3, 6]].real, 7700.0, 10e-3 / 25
+    thin = RadialDisk.of("disk", Tensor6mm(*ten).radial, AREA, thickness, density)
+    model = thin.replace({"disk.alpha": c13 / c33, "disk.d33f": e33 / c33})
+    solved = SkfemDisk(5e-3, thickness, 1)
+    f = np.linspace(4e5, 9e5, 2001)
+    B = (1 / model.impedance(f)).imag
+    falls = np.flatnonzero((B[:-1] < 0) & (B[1:] > 0))
+    assert falls.size == 2  # the second and third antiresonance
+    for k in falls.tolist():
+        own = brentq(lambda f: (1 / model.impedance(np.array([f])))[0].imag, f[k], f[k + 1])
+        true = brentq(lambda f: solved.capacitance(ten, density, [f])[0].real, 0.99 * own, 1.003 * own, xtol=0.1)
+        assert -1.2 < 2 * np.log(true / own) / model.formula_errors(np.array([own]))["disk.s11E"][0] < -0.6
 
 
 @given(seed=st.integers(0, 10**6), f=st.floats(1e5, 1e7))
