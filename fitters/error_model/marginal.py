@@ -100,7 +100,7 @@ class Marginal:
 
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
         """Return the columns of errors at a point."""
-        J = self._unweighted(self.slopes(x).T)
+        J = self._unweighted(self._corrected.jacobian(x).T)
         free = self.objective.coordinates.free
         places: list[LinearisedRecording] = []
         for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
@@ -186,20 +186,12 @@ class Marginal:
 
     def gram(self, x: Reals, columns: ErrorColumns) -> Gram:
         """Return all inputs of the marginal likelihood at `x`."""
-        J = self._unweighted(self.slopes(x).T)
-        return Gram(columns, J, columns.beyond(self.residuals(x)), self.beforehand(x, self.slopes(x)))
+        J = self._unweighted(self._corrected.jacobian(x).T)
+        return Gram(columns, J, columns.beyond(self.residuals(x)), self.beforehand(x))
 
-    def rows(self, x: Reals) -> Reals:
-        """Return the objective's weighted residuals, shape (R,)."""
-        return self._corrected.residual(x)
-
-    def slopes(self, x: Reals) -> Reals:
-        """Return their derivatives, shape (R, M)."""
-        return self._corrected.jacobian(x)
-
-    def value(self, x: Reals, held: Held, slopes: Reals) -> Value:
-        """Return the marginal likelihood at a point, with the columns of errors fixed; `slopes` may be approximate."""
-        return held.value(self._unweighted(slopes.T), self.residuals(x), self.beforehand(x, slopes))
+    def value(self, x: Reals, held: Held) -> Value:
+        """Return the marginal likelihood at a point, with the columns of errors fixed."""
+        return held.value(self._unweighted(self._corrected.jacobian(x).T), self.residuals(x), self.beforehand(x))
 
     def models(self, x: Reals) -> Sequence[Model]:
         """Return the corrected model of each recording."""
@@ -207,22 +199,24 @@ class Marginal:
 
     def residuals(self, x: Reals) -> list[Complexes]:
         """Return ln(Z_model/Z) of each recording with the corrected model, shape (N,)."""
-        return [own[:, 0] for own in self._unweighted(self.rows(x)[None, :])]
+        return [own[:, 0] for own in self._unweighted(self._corrected.residual(x)[None, :])]
 
     def against(self, x: Reals) -> float:
         """Return the sum of squares of all priors' residuals."""
         more, _ = self.known.rows(x)
         loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
-        parts = (self.rows(x)[2 * self.objective.points :], more, x[loads] - 1)
+        parts = (self._corrected.residual(x)[2 * self.objective.points :], more, x[loads] - 1)
         return sum(float(part @ part) for part in parts)
 
-    def beforehand(self, x: Reals, slopes: Reals) -> Beforehand:
-        """Return the normal equations of all priors; `slopes` as of `slopes`."""
+    def beforehand(self, x: Reals) -> Beforehand:
+        """Return the normal equations of all priors."""
         data = 2 * self.objective.points
-        more, of_more = self.known.rows(x)
+        more, slopes = self.known.rows(x)
         loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
-        r = np.concatenate([self.rows(x)[data:], more, x[loads] - 1])
-        J = np.concatenate([slopes[data:], of_more, np.eye(x.size)[loads]])
+        more = np.concatenate([more, x[loads] - 1])
+        slopes = np.concatenate([slopes, np.eye(x.size)[loads]])
+        r = np.concatenate([self._corrected.residual(x)[data:], more])
+        J = np.concatenate([self._corrected.jacobian(x)[data:], slopes])
         P = J.T @ J
         unknown = np.flatnonzero(np.diag(P) < _UNINFORMED)
         P[unknown, unknown] += _UNINFORMED

@@ -30,12 +30,7 @@ of instrument or model; number of further rounds until then, at most."""
 _RELAXATION = 0.5
 """Part of the way to the minimum with columns of where it began: the minimum with those of where it ends may lie on the
 other side, and so on for ever."""
-_DAMPED = 1e-2, 1e6
-"""Damping that counts as any, and as too much."""
-_KEPT = 0.5
-"""Part of its promise that a step must have kept if the next one is to do without exact derivatives."""
-_UPDATED = 6
-"""Number of steps in a row without them, at most."""
+_DAMPED, _RELAXED = 10.0, 0.1
 _WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
 _FURTHEST = 1.5
@@ -310,50 +305,29 @@ def _recorrected(marginal: Marginal, x: Reals, made: Gram, sizes: ErrorSizes) ->
 
 
 def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:
-    """Minimise by Levenberg-Marquardt with columns and sizes fixed.
-
-    Returns the point and the number of steps by exact derivatives. The damping follows the part of its promise that a
-    step kept (Nielsen, IMM-REP-1999-05, DTU 1999). Derivatives cost as much as dozens of residuals: while steps keep
-    their promise, they are updated by the change of the residuals (Broyden, Math. Comp. 19 (1965) 577). Whether a
-    minimum is reached is judged by exact ones.
-    """
-    damping, growth, used, updated = 0.0, 2.0, 0, 0
-    slopes, exact = marginal.slopes(x), True
-    value = marginal.value(x, held, slopes)
-    while used < most:
+    """Minimise by Levenberg-Marquardt with columns and sizes fixed; return the point and the number of steps."""
+    damping, used = 0.0, 0
+    value = marginal.value(x, held)
+    for _ in range(most):
         step = value.step if damping == 0 else _damped(value, damping)
-        arrived = float(step @ value.H @ step) < close
-        if arrived and exact:
+        if float(step @ value.H @ step) < close:
             break
-        kept = False
-        if not arrived:
-            step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
-            used += exact
-            rows = marginal.rows(x)
-            fall = value.here - held.here(marginal.residuals(x + step), marginal.against(x + step))
-            if fall > 0:
-                ratio = fall / float(step @ value.H @ (2 * value.step - step))
-                kept = ratio > _KEPT
-                slopes = slopes + np.outer((marginal.rows(x + step) - rows - slopes @ step) / (step @ step), step)
-                x = x + step
-                damping *= max(1 / 3, 1 - (2 * ratio - 1) ** 3)
-                damping, growth = 0.0 if damping < _DAMPED[0] else damping, 2.0
-                if fall < close:
-                    if exact:
-                        break
-                    kept = False
-            elif exact:
-                damping, growth = max(_DAMPED[0], damping * growth), 2 * growth
-                if damping > _DAMPED[1]:
-                    break
-                continue
-        updated = updated + 1 if kept and updated < _UPDATED else 0
-        exact = updated == 0
-        try:
-            slopes = marginal.slopes(x) if exact else slopes
-            value = marginal.value(x, held, slopes)
-        except np.linalg.LinAlgError:
-            break
+        step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
+        used += 1
+        fall = value.here - held.here(marginal.residuals(x + step), marginal.against(x + step))
+        if fall > 0:
+            x = x + step
+            damping = 0.0 if damping < 1e-2 else damping * _RELAXED
+            if fall < close:
+                break
+            try:
+                value = marginal.value(x, held)
+            except np.linalg.LinAlgError:
+                break
+        else:
+            damping = 1e-2 if damping == 0 else damping * _DAMPED
+            if damping > 1e6:
+                break
     return x, used
 
 

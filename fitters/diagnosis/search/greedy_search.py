@@ -209,19 +209,18 @@ class GreedySearch:
     def _parents(self) -> list[Hypothesis]:
         """Return the hypotheses to extend.
 
-        Those that are as good as the best one, and while even that leaves more than the usual errors, those that may
-        yet win: the best ones in reach, and the best one with the likeliest single effect.
+        That of the largest evidence, and those that are about as probable as the most probable one; while even the best
+        leaves more than the usual errors, those that may yet win, and the best one with the likeliest single effect.
         """
-        best, first = self.best, self.probable[:PARENTS]
+        best, within, likely = self.best, CLASS_NATS, list[Hypothesis]()
         if best.fit.shortfall > NEAR:
-            near = self._in_reach(first)
-            likely = [one for one in self.ranked if self._likely in one.effects][:1]
-        else:
-            near = [one for one in first if one.log_weight > best.log_weight - CLASS_NATS * best.coarseness]
-            likely = []
+            within, likely = NEAR, [one for one in self.ranked if self._likely in one.effects][:1]
+        probable = self.probable[:PARENTS]
+        parts = probabilities(probable)
+        near = [one for one, part in zip(probable, parts.tolist(), strict=True) if part > parts[0] * np.exp(-within)]
         return [
             one
-            for one in dict.fromkeys((*near, *likely))
+            for one in dict.fromkeys((best, *near, *likely))
             if one.effects and len(one.effects) < MOST and one.key not in self._grown
         ]
 
