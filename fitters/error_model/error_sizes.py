@@ -162,6 +162,10 @@ class Gram:
         on = np.flatnonzero(scale > 0)
         return on, scale[on], *factored(G[np.ix_(on, on)], scale[on])
 
+    def exact(self, sizes: ErrorSizes) -> bool:
+        """Return whether errors of these sizes are none but white noise, so that the likelihood is no approximation."""
+        return sizes.exact and "formula" not in self.columns.parts
+
     def coefficients(self, sizes: ErrorSizes) -> Reals:
         """Return the most probable coefficient of each column, shape (C,), at the point itself. Raises LinAlgError."""
         G, _ = self._gram(sizes.colour, sizes.rough)

@@ -126,7 +126,7 @@ class MarginalFit:
     @property
     def exact(self) -> bool:
         """Whether there are no errors but white noise, so that the likelihood is no approximation."""
-        return self.sizes.exact and "formula" not in self.gram.columns.parts
+        return self.gram.exact(self.sizes)
 
     @property
     def converged(self) -> bool:
@@ -237,7 +237,7 @@ def fit(
             now, sizes, held = last, last.sizes, True
             continue
         # without errors evidence depends on no columns
-        exact = (fixed or held) and sizes.exact and "formula" not in now.made.columns.parts
+        exact = (fixed or held) and now.made.exact(sizes)
         converged = now.steps < _STEPS and (exact or abs(now.log_evidence - before) < _SETTLED)
         if (k >= rounds - 1 and converged) or (k > 0 and now.steps <= 1 and now.remainder < _LINEAR):
             break

@@ -84,10 +84,11 @@ def conclude(search: GreedySearch) -> Conclusion:
     while unsure := [one for one in best.effects if sure[one].of_class < NAMED]:
         best = search.without(best, min(unsure, key=lambda one: sure[one].of_class))
         sure = _certainty(search, best)
-    best = _at_its_places(search, best)
-    sure = _certainty(search, best)
-    final = _most_probable_alike(search, best, sure)
-    if final is not best:
+    there = _at_its_places(search, best)
+    if there is not best:
+        sure = _certainty(search, there)
+    final = _most_probable_alike(search, there, sure)
+    if final is not there:
         sure = _certainty(search, final)
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)

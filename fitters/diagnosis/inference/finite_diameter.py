@@ -107,21 +107,24 @@ def shows_early(task: FitTask, null: Refit) -> bool:
 
     Not where glued steps were recorded too: in a joint fit what is wrong with the glue spreads to the disk's residual.
     """
-    try:
-        disk = bare_disk(task, "disk2d", round_one=True, frees=True)
-    except FitError:
-        return False
-    if any(recording.step != disk.step for recording in null.objective.recordings):
+    disk = _disk_of(task)
+    if disk is None or any(recording.step != disk.step for recording in null.objective.recordings):
         return False
     return is_narrow(disk) and _may_be_a_rim(disk, _rms(null))
 
 
 def may_be_left(task: FitTask, unexplained: float) -> bool:
     """Return whether a plate with effects leaves as much unexplained of ln Z (rms) as a rim would."""
+    disk = _disk_of(task)
+    return disk is not None and _may_be_a_rim(disk, unexplained)
+
+
+def _disk_of(task: FitTask) -> BareDisk | None:
+    """Return the bare disk of a task; None if no round one was recorded."""
     try:
-        return _may_be_a_rim(bare_disk(task, "disk2d", round_one=True, frees=True), unexplained)
+        return bare_disk(task, "disk2d", round_one=True, frees=True)
     except FitError:
-        return False
+        return None
 
 
 def _may_be_a_rim(disk: BareDisk, left: float) -> bool:
@@ -137,12 +140,8 @@ def tried(
     Return None if there is no recording of a round bare disk, if the disk is too wide for its rim to matter, or if the
     `best` explanation by a plate (the one without effects, if there is no other yet) leaves too little.
     """
-    left = _rms(best or null)
-    try:
-        disk = bare_disk(task, "disk2d", round_one=True, frees=True)
-    except FitError:
-        return None
-    if left < _SHOWS or not _may_be_a_rim(disk, _rms(null)):
+    left, disk = _rms(best or null), _disk_of(task)
+    if disk is None or left < _SHOWS or not _may_be_a_rim(disk, _rms(null)):
         return None
     # A plate with effects at its terminals may leave less than a disk without them, until the disk has them, too. If
     # it has none, the disk alone must already explain as much as a finding must.
