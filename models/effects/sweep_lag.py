@@ -57,8 +57,7 @@ class SweepLag(Effect):
         weights = np.array([*([1 - memory] if memory < 1 else []), *(memory * _WEIGHTS if memory > 0 else [])])
 
         def late(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            steps = np.gradient(frequency)  # equal time per point: the rate is highest where steps are wide
-            behind = lag * steps / np.mean(steps)
+            behind = lag * device.conditions.rate(frequency)
             then = np.maximum(frequency - ago[:, None] * behind, 0.5 * frequency)
             # all at once: a stack takes hardly longer for many points than for few
             read = weights @ (1 / device.steady(then.ravel())).reshape(then.shape)

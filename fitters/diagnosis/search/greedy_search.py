@@ -19,6 +19,7 @@ from ..decision_rules import (
     FITTED_LATER,
     HELD_READY,
     MOST,
+    NAMED,
     NEAR,
     PARENTS,
     POLISHED,
@@ -30,6 +31,7 @@ from ..decision_rules import (
     WORTH,
 )
 from ..hypotheses.changes import change_by
+from ..hypotheses.condensed_recordings import condensed
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, coarseness, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
@@ -94,10 +96,15 @@ class GreedySearch:
         return self.ranked[0]
 
     @property
-    def probable(self) -> list[Hypothesis]:
-        """The same, the largest posterior probability first, for which evidence counts less where it is approximate."""
+    def posterior(self) -> list[tuple[Hypothesis, float]]:
+        """The hypotheses with their probabilities, for which evidence counts less where it is approximate; sorted."""
         ranked = self.ranked
-        return [ranked[k] for k in np.argsort(-probabilities(ranked), kind="stable").tolist()]
+        return sorted(zip(ranked, probabilities(ranked).tolist(), strict=True), key=lambda pair: -pair[1])
+
+    @property
+    def probable(self) -> list[Hypothesis]:
+        """The hypotheses, the largest posterior probability first."""
+        return [one for one, _ in self.posterior]
 
     def begin(self) -> Hypothesis:
         """Fit the hypothesis without effects, unless that was done before."""
@@ -108,8 +115,21 @@ class GreedySearch:
         return null
 
     def run(self) -> Hypothesis:
-        """Run the complete search; return the most probable hypothesis."""
-        null = self.begin()
+        """Run the complete search; return the most probable hypothesis.
+
+        Dense recordings are condensed; what is in reach in the end is fitted to all points.
+        """
+        null, whole = self.begin(), self.problem
+        few = condensed(whole, null.fit.sizes.colour)
+        if few is whole:
+            return self._search(null)
+        self.problem, self.found = replace(few, values=null.values), {}
+        self._search(self.begin())
+        self._fit_again(replace(whole, lines=self.problem.lines))
+        self.polish()
+        return self.probable[0]
+
+    def _search(self, null: Hypothesis) -> Hypothesis:
         self._fit([_Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
         if self.best is null:
             self.try_without_errors(null)
@@ -144,6 +164,10 @@ class GreedySearch:
         if problem is self.problem:
             return
         self.progress(f"accounting for {len(problem.lines)} weak resonances")
+        self._fit_again(problem)
+
+    def _fit_again(self, problem: Problem) -> None:
+        """Fit the best hypotheses again, to other recordings or with another error model."""
         self.problem = problem
         null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
         sizes = null.fit.sizes, ErrorSizes()
@@ -209,20 +233,29 @@ class GreedySearch:
     def _parents(self) -> list[Hypothesis]:
         """Return the hypotheses to extend.
 
-        That of the largest evidence, and those that are about as probable as the most probable one; while even the best
-        leaves more than the usual errors, those that may yet win, and the best one with the likeliest single effect.
+        That of the largest evidence, those that are about as probable as the most probable one, and its rival; while
+        even the best leaves more than the usual errors, those that may yet win, and the best one with the likeliest
+        single effect.
         """
         best, within, likely = self.best, CLASS_NATS, list[Hypothesis]()
         if best.fit.shortfall > NEAR:
             within, likely = NEAR, [one for one in self.ranked if self._likely in one.effects][:1]
-        probable = self.probable[:PARENTS]
-        parts = probabilities(probable)
-        near = [one for one, part in zip(probable, parts.tolist(), strict=True) if part > parts[0] * np.exp(-within)]
+        probable = self.posterior[:PARENTS]
+        near = [one for one, part in probable if part > probable[0][1] * np.exp(-within)]
         return [
             one
-            for one in dict.fromkeys((best, *near, *likely))
+            for one in dict.fromkeys((best, *near, *likely, *self._rival(probable[0][0])))
             if one.effects and len(one.effects) < MOST and one.key not in self._grown
         ]
+
+    def _rival(self, best: Hypothesis) -> list[Hypothesis]:
+        """Return the best hypothesis with none of these effects, if it explains at least half as much; else none.
+
+        An effect that explains most of what several do together hides each of them: beside it, none promises anything.
+        """
+        null, taken = self.found[frozenset()].log_evidence, {one.effect.name for one in best.effects}
+        others = [one for one in self.ranked if not taken & {its.effect.name for its in one.effects}][:1]
+        return [one for one in others if one.log_evidence - null > NAMED * (best.log_evidence - null)]
 
     def grow(self, parent: Hypothesis, most: int, like: Hypothesis | None = None) -> None:
         """Fit the most promising candidates beside a hypothesis.
@@ -281,7 +314,7 @@ class GreedySearch:
                     continue
                 gain = promises[rank].gain
                 left = parent.fit.shortfall - gain
-                one_nat = coarseness(left, parent.fit.sizes.exact)
+                one_nat = coarseness(left, parent.fit.exact)
                 if not choosy or gain > max(one_nat, WORTH * coarseness(left, exact=True)):
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
         return chosen
@@ -414,12 +447,7 @@ class GreedySearch:
 
     def inclusion(self, names: Collection[str]) -> float:
         """Return the posterior probability that any of these effects is present, at whatever place."""
-        parts = probabilities(self.ranked).tolist()
-        return sum(
-            part
-            for one, part in zip(self.ranked, parts, strict=True)
-            if any(effect.effect.name in names for effect in one.effects)
-        )
+        return sum(part for one, part in self.posterior if any(its.effect.name in names for its in one.effects))
 
 
 def _of_each_kind(promises: Sequence[ScreenedCandidate]) -> dict[Candidate, list[ScreenedCandidate]]:

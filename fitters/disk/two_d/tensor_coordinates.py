@@ -31,6 +31,8 @@ TURNS = ("tensor.shear5", *(f"tensor.axial{k}" for k in (9, 10, 11)))
 
 _LEAST_LOSS = 1e-7
 # A fit may drive a loss to zero; rounding then makes it negative, which has no coordinates.
+_FURTHEST = 30.0
+# Size of a coordinate beyond which nothing changes: a constant that recordings do not feel must not run to zero.
 
 
 def tensor_block(layer: str) -> Block:
@@ -78,6 +80,8 @@ def _of_blocks(minus: Complexes, shear: Complexes, axial: Complexes) -> Complexe
 
 
 def _forward(x: Reals) -> tuple[Reals, Reals]:
+    within = np.abs(x) < _FURTHEST
+    x = np.clip(x, -_FURTHEST, _FURTHEST)
     blocks: list[Complexes] = []
     slopes: list[Complexes] = []
     at = 0
@@ -91,7 +95,7 @@ def _forward(x: Reals) -> tuple[Reals, Reals]:
         at += part.count
     values, by_x = _of_blocks(*blocks), _of_blocks(*slopes)
     J = np.stack([by_x.real, by_x.imag], axis=1).reshape(2 * len(CONSTANTS), _COUNT)
-    return np.stack([values.real, values.imag], axis=1).ravel(), J
+    return np.stack([values.real, values.imag], axis=1).ravel(), J * within
 
 
 def _inverse(values: Reals) -> Reals:

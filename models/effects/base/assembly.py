@@ -31,14 +31,26 @@ class Conditions:
     """Duration, in durations of the step's first sweep."""
     pace: float = 1.0
     """Hertz per second, relative to the step's first sweep."""
+    points: tuple[float, ...] | None = None
+    """Part of the sweep below each point, for a recording of which only some points are left; None: evenly spaced."""
+
+    def passed(self, points: int) -> Reals:
+        """Return which part of the sweep is below each of these points, from 0 to 1, shape (N,)."""
+        return np.linspace(0.0, 1.0, points) if self.points is None else np.array(self.points)
 
     def elapsed(self, points: int) -> Reals:
         """Return the time of each point since the step's first sweep began, in durations of that sweep, shape (N,).
 
         In order of frequency: from beginning to end for an upward sweep, the other way round for a downward one.
         """
-        part = np.linspace(0.0, 1.0, points)
-        return self.began + self.length * (part if self.direction == "up" else part[::-1])
+        part = self.passed(points)
+        return self.began + self.length * (part if self.direction == "up" else 1 - part)
+
+    def rate(self, frequency: Frequencies) -> Reals:
+        """Return df/dt at each point over its mean, shape (N,): equal times for points that are not evenly spaced."""
+        part = self.passed(frequency.size)
+        rates = np.gradient(frequency, part)
+        return np.asarray(rates / np.average(rates, weights=np.gradient(part)), np.float64)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,117 @@
+"""How certain an effect is, averaged over all hypotheses, and which others look like it."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ....models.base.arrays import Complexes, Reals
+from ...engine.recording import log_ratio
+from ..decision_rules import CLASS, CLASS_NATS, RIVALS
+from ..hypotheses.changes import change_by
+from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.instrument_artefacts import UNKNOWN
+from ..hypotheses.problem import Candidate
+from ..search.greedy_search import GreedySearch
+from .effect_size import powers_of
+
+_NEGLIGIBLE = 1e-4
+"""Probability below which a hypothesis is left out."""
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """Posterior probability of an effect, and of it or any of its look-alikes."""
+
+    of_effect: float
+    of_class: float
+    alike: frozenset[Candidate]
+
+
+@dataclass(frozen=True, eq=False)
+class Certainties:
+    """The certainty of effects in the hypotheses of a search."""
+
+    search: GreedySearch
+    _itself: WeakKeyDictionary[Hypothesis, dict[Candidate, float]] = field(
+        default_factory=WeakKeyDictionary[Hypothesis, dict[Candidate, float]]
+    )
+
+    def of(self, one: Hypothesis) -> dict[Candidate, Certainty]:
+        """Return the certainty of each effect of a hypothesis."""
+        found: dict[Candidate, Certainty] = {}
+        for effect in one.effects:
+            alike = look_alikes(self.search, one, effect)
+            rest = {its.effect.name for its in one.effects if its is not effect}
+            names = {effect.effect.name, *(its.effect.name for its in alike)} - rest
+            found[effect] = Certainty(self.present({effect.effect.name}), self.present(names), frozenset(alike))
+        return found
+
+    def present(self, names: Collection[str]) -> float:
+        """Return the probability that one of these effects is present, at whatever place, and changes ln Z so much.
+
+        The sum over hypotheses of their posterior probability, times the probability that the change is due to the
+        effect and not to what the hypothesis leaves unexplained.
+        """
+        whole = 0.0
+        for one, part in self.search.posterior:
+            if part > _NEGLIGIBLE and any(effect.effect.name in names for effect in one.effects):
+                itself = self._itself_in(one)
+                whole += part * max(itself[effect] for effect in one.effects if effect.effect.name in names)
+        return whole
+
+    def _itself_in(self, one: Hypothesis) -> dict[Candidate, float]:
+        """Return, by effect, the probability that it and not an unnamed cause changes ln Z in a hypothesis.
+
+        Between two causes of random shape the odds are the ratio of their squared sizes, where each point is weighted
+        by the effect's squared size there.
+        """
+        if one not in self._itself:
+            other = one.unexplained_at
+            powers = powers_of(self.search.problem, one)
+            self._itself[one] = {effect: _share(power, other) for effect, power in powers.items()}
+        return self._itself[one]
+
+
+def _share(power: Reals, other: Reals) -> float:
+    own = float(power @ power)
+    return own / max(own + max(float(power @ other), 0.0), 1e-300)
+
+
+def rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tuple[Hypothesis, Candidate]]:
+    """Return the best hypotheses with one effect replaced, and the replacement."""
+    rest = one.key - {effect}
+    instead = [h for h in search.ranked if rest < h.key and len(h.key) == len(one.key) and effect not in h.key]
+    pairs = [(h, next(iter(h.key - rest))) for h in instead[:RIVALS]]
+    here = effect.effect.name, effect.where
+    return [
+        (h, other) for h, other in pairs if other.effect.name != UNKNOWN and (other.effect.name, other.where) != here
+    ]
+
+
+def look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set[Candidate]:
+    """Return the effects that, in place of another, change ln Z nearly as it does, and that nothing rules out."""
+    own = change_by(search.problem, one, effect)
+    within = CLASS_NATS * one.coarseness
+    alike: set[Candidate] = set()
+    for rival, other in rivals(search, one, effect):
+        behind = one.log_evidence - rival.log_evidence
+        if behind < within:
+            # what the rival does in place of the effect, with all that its constants and further sizes contribute
+            instead = [a + b for a, b in zip(own, _apart(one, rival), strict=True)]
+            if _correlation(one.projected([own, instead])) > CLASS:
+                alike.add(other)
+    return alike
+
+
+def _apart(one: Hypothesis, other: Hypothesis) -> list[Complexes]:
+    """Return the difference of ln Z of two fits, for each recording, shape (N,)."""
+    curves = (found.objective.curves(found.fit.x) for found in (other, one))
+    return [log_ratio(a, b) for a, b in zip(*curves, strict=True)]
+
+
+def _correlation(columns: Reals) -> float:
+    """Return the absolute correlation of two columns, shape (2N, 2)."""
+    norm = np.linalg.norm(columns, axis=0)
+    return abs(float(columns[:, 0] @ columns[:, 1])) / max(float(norm[0] * norm[1]), 1e-300)
