@@ -114,7 +114,7 @@ def _search(problem: Problem, choice: tuple[Candidate, ...], wanted: _Wanted) ->
     everywhere = [one for one in choice if one.steps == problem.steps]
     found = [(tuple(one for one in everywhere if (one.effect.name, one.where) in s.names), s.values) for s in given]
     seeds = tuple((effects, values) for effects, values in found if effects)
-    return GreedySearch(problem, (*choice, *flaws(problem)), wanted.progress, wanted.jobs, seeds)
+    return GreedySearch(problem, (*choice, *flaws(problem)), seeds, progress=wanted.progress, jobs=wanted.jobs)
 
 
 def _may_show_its_rim(task: FitTask, fitter: Diagnosable | None, choice: Sequence[Candidate]) -> bool:

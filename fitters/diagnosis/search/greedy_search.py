@@ -1,40 +1,31 @@
 """Greedy search by log evidence: single effects first, then further ones beside the best, then substitutes."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Self
-from weakref import WeakSet
 
 import numpy as np
 
-from ....models.base.errors import PzctlError
-from ....models.effects.base.corrected_constants import Corrections
-from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
-from ...error_model.marginal_fit import Minimum
 from ..decision_rules import (
     CLASS_NATS,
     FITTED_FIRST,
     FITTED_LATER,
-    HELD_READY,
     MOST,
     NAMED,
     NEAR,
     PARENTS,
-    POLISHED,
-    RECHECKED,
     RESEMBLING,
     SOFT,
     SUBSTITUTES,
-    UNFINISHED,
     WORTH,
 )
 from ..hypotheses.changes import change_by
 from ..hypotheses.condensed_recordings import condensed
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, coarseness, fitted, probabilities
-from ..hypotheses.problem import Candidate, Problem
+from ..hypotheses.hypothesis import Hypothesis, coarseness
+from ..hypotheses.problem import Candidate
 from .exact_search import exact_hypotheses
+from .fitted_hypotheses import FittedHypotheses
+from .plan import Plan
 from .screening import ScreenedCandidate, resembling, screened
 from .weak_lines import with_weak_lines
 
@@ -42,77 +33,16 @@ _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Plan:
-    """Start of a fit with these effects."""
-
-    effects: tuple[Candidate, ...]
-    values: Mapping[str, float]
-    sizes: tuple[ErrorSizes, ...]
-    near: bool = False
-    rounds: int = 3
-    fixed: bool = False
-    """Whether errors have the first of these sizes."""
-    others: tuple[Mapping[str, float], ...] = ()
-    """Further values from which it may start."""
-    compared: bool = False
-    """Whether its evidence has to settle; a first fit only shows whether it is worth while."""
-    about: Corrections | None = None
-    """Corrections about which the errors of a fit are linear that ended at `values`."""
-
-    @classmethod
-    def after(cls, one: Hypothesis, sizes: tuple[ErrorSizes, ...], rounds: int = 3, *, fixed: bool = False) -> Self:
-        """Return the continuation of a fit."""
-        about = one.fit.minimum.corrections
-        return cls(one.effects, one.values, sizes, near=True, rounds=rounds, fixed=fixed, compared=True, about=about)
-
-
 @dataclass(eq=False)
-class GreedySearch:
+class GreedySearch(FittedHypotheses):
     """A search over sets of effects, with all hypotheses fitted so far."""
 
-    problem: Problem
     candidates: tuple[Candidate, ...]
-    progress: Callable[[str], None] = lambda _: None
-    jobs: int = 1
-    """Number of processes that fit hypotheses at the same time. The result does not depend on it."""
     seeds: tuple[tuple[tuple[Candidate, ...], Mapping[str, float]], ...] = ()
     """Effects with values near their minimum, where that cannot be found from the fit without effects."""
-    found: dict[frozenset[Candidate], Hypothesis] = field(default_factory=dict[frozenset[Candidate], Hypothesis])
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
     _likely: Candidate | None = None
-    _fine: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
-    _continued: WeakSet[Hypothesis] = field(default_factory=WeakSet[Hypothesis])
     _grown: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
-
-    @property
-    def ranked(self) -> list[Hypothesis]:
-        """The hypotheses, that of the largest evidence times prior odds first."""
-        return sorted(self.found.values(), key=lambda one: -one.log_weight)
-
-    @property
-    def best(self) -> Hypothesis:
-        """The hypothesis of the largest evidence, times prior odds."""
-        return self.ranked[0]
-
-    @property
-    def posterior(self) -> list[tuple[Hypothesis, float]]:
-        """The hypotheses with their probabilities, for which evidence counts less where it is approximate; sorted."""
-        ranked = self.ranked
-        return sorted(zip(ranked, probabilities(ranked).tolist(), strict=True), key=lambda pair: -pair[1])
-
-    @property
-    def probable(self) -> list[Hypothesis]:
-        """The hypotheses, the largest posterior probability first."""
-        return [one for one, _ in self.posterior]
-
-    def begin(self) -> Hypothesis:
-        """Fit the hypothesis without effects, unless that was done before."""
-        if frozenset() in self.found:
-            return self.found[frozenset()]
-        null = fitted(self.problem, (), self.problem.values, near=True, rounds=5)
-        self.found[null.key] = null
-        return null
 
     def run(self) -> Hypothesis:
         """Run the complete search; return the most probable hypothesis.
@@ -125,12 +55,12 @@ class GreedySearch:
             return self._search(null)
         self.problem, self.found = replace(few, values=null.values), {}
         self._search(self.begin())
-        self._fit_again(replace(whole, lines=self.problem.lines))
+        self.fit_again(replace(whole, lines=self.problem.lines))
         self.polish()
         return self.probable[0]
 
     def _search(self, null: Hypothesis) -> Hypothesis:
-        self._fit([_Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
+        self.fit([Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
         if self.best is null:
             self.try_without_errors(null)
             self.account_for_lines()
@@ -156,7 +86,7 @@ class GreedySearch:
         """Look for hypotheses that explain the recordings to their noise without any errors, beginning at `start`."""
         self.progress("trying effects without errors of instrument and model")
         for one in exact_hypotheses(replace(self.problem, lines=()), self.candidates, start, self.jobs):
-            self._take(one)
+            self.take(one)
 
     def account_for_lines(self) -> None:
         """Make the weak lines that the best hypothesis leaves part of the error model of all hypotheses."""
@@ -164,25 +94,7 @@ class GreedySearch:
         if problem is self.problem:
             return
         self.progress(f"accounting for {len(problem.lines)} weak resonances")
-        self._fit_again(problem)
-
-    def _fit_again(self, problem: Problem) -> None:
-        """Fit the best hypotheses again, to other recordings or with another error model."""
-        self.problem = problem
-        null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
-        sizes = null.fit.sizes, ErrorSizes()
-        about = null.fit.minimum.corrections
-        self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True, about=about)}
-        for one in again:
-            self._take(self._at(_Plan.after(one, ()), one.fit.minimum))
-        self._fit(
-            [_Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in self._in_reach(self.ranked) if one.effects]
-        )
-
-    def _in_reach(self, some: Sequence[Hypothesis]) -> list[Hypothesis]:
-        """Return those of some hypotheses that are not impossible beside the best one, or may not be after a refit."""
-        best = self.best
-        return [one for one in some if one.log_weight > best.log_weight - NEAR * best.coarseness]
+        self.fit_again(problem)
 
     def substitute(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""
@@ -207,7 +119,7 @@ class GreedySearch:
             if found.gain > RESEMBLING:
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
-        self._fit([plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one)])
+        self.fit([plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one)])
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""
@@ -216,7 +128,7 @@ class GreedySearch:
 
     def relocate(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each of its effects moved to the other places where it can occur."""
-        plans: list[_Plan] = []
+        plans: list[Plan] = []
         for effect in one.effects:
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
             rest = tuple(other for other in one.effects if other is not effect)
@@ -226,8 +138,8 @@ class GreedySearch:
                 if frozenset((*rest, other)) in self.found:
                     continue
                 there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
-                plans.append(_Plan((*rest, other), {**one.values, **there}, (one.fit.sizes,)))
-        self._fit(plans)
+                plans.append(Plan((*rest, other), {**one.values, **there}, (one.fit.sizes,)))
+        self.fit(plans)
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
@@ -278,23 +190,23 @@ class GreedySearch:
         beside = ", ".join(one.effect.name for one in parent.effects)
         self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
         if parent.effects:
-            self._fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
+            self.fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
             # What promises much where the misfit counts as noise may need constants that are not near these.
             far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
             chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
-        self._fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
+        self.fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
         if not parent.effects:
             lost = [promises[0] for one, promises in chosen.items() if self._lost(parent, one)]
-            self._fit([self._near(parent, promise, parent) for promise in lost])
+            self.fit([self._near(parent, promise, parent) for promise in lost])
 
     def _lost(self, parent: Hypothesis, one: Candidate) -> bool:
         """Return whether one more effect has not improved a hypothesis."""
         made = self.found.get(frozenset((*parent.effects, one)))
         return made is None or made.log_weight < parent.log_weight
 
-    def _near(self, near: Hypothesis, promise: ScreenedCandidate, parent: Hypothesis) -> _Plan:
+    def _near(self, near: Hypothesis, promise: ScreenedCandidate, parent: Hypothesis) -> Plan:
         """Return the start of a fit with one more effect from the minimum without it, or from another one near it."""
-        return _Plan(
+        return Plan(
             (*parent.effects, promise.candidate),
             {**near.values, **promise.start},
             tuple(dict.fromkeys((near.fit.sizes, parent.fit.sizes))),
@@ -321,11 +233,11 @@ class GreedySearch:
 
     def _plans(
         self, parent: Hypothesis, one: Candidate, promises: Sequence[ScreenedCandidate], like: Hypothesis | None = None
-    ) -> list[_Plan]:
+    ) -> list[Plan]:
         near = tuple(dict.fromkeys((parent, like or parent)))
         sizes = (ErrorSizes(colour=parent.fit.sizes.colour), *(other.fit.sizes for other in near))
         return [
-            _Plan(
+            Plan(
                 (*parent.effects, one),
                 {**parent.values, **promise.start},
                 sizes,
@@ -335,119 +247,15 @@ class GreedySearch:
             for promise in _apart(promises)
         ]
 
-    def _fit(self, plans: Sequence[_Plan]) -> None:
-        """Fit all these, and keep each hypothesis unless one of the same effects is better."""
-        if self.jobs == 1:
-            made = [self._fitted(plan) for plan in plans]
-        else:
-            minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
-            made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
-        for one in made:
-            self._take(one)
-        for one in self.ranked[HELD_READY:]:
-            one.fit.forget()
-
-    def _minimum(self, plan: _Plan) -> Minimum | None:
-        made = self._fitted(plan)
-        return None if made is None else made.fit.minimum
-
-    def _at(self, plan: _Plan, minimum: Minimum | None) -> Hypothesis | None:
-        if minimum is None:
-            return None
-        try:
-            return at_minimum(self.problem, plan.effects, plan.values, minimum)
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            return None
-
-    def _fitted(self, plan: _Plan) -> Hypothesis | None:
-        """Return the fit; None if it cannot be computed, physics or covariance."""
-        sizes = (*plan.sizes, self.found[frozenset()].fit.sizes)
-        try:
-            return fitted(
-                self.problem,
-                plan.effects,
-                plan.values,
-                sizes,
-                near=plan.near,
-                rounds=plan.rounds,
-                fast=self._fast,
-                fixed=plan.fixed,
-                others=plan.others,
-                compared=plan.compared,
-                about=plan.about,
-            )
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            return None
-
-    def _take(self, made: Hypothesis | None) -> None:
-        if made is not None and np.isfinite(made.log_weight):
-            known = self.found.get(made.key)
-            if known is None or _better(made, known):
-                self.found[made.key] = made
-
-    @property
-    def _fast(self) -> bool:
-        """Whether fits include fast instrument errors; they do not if the fit without effects needs none."""
-        null = self.found.get(frozenset())
-        return null is None or null.fit.sizes.fast > 0
-
-    def polish(self) -> None:
-        """Continue the fits of the best hypotheses to convergence."""
-        for _ in range(POLISHED):
-            likely = [one for one in self.ranked[:POLISHED] if one.log_weight > self.best.log_weight - NEAR]
-            unfinished = [one for one in self._in_reach(self.ranked[:UNFINISHED]) if not one.fit.converged]
-            again = [one for one in dict.fromkeys((*likely, *unfinished)) if one.key not in self._fine]
-            if not again:
-                break
-            self._fine.update(one.key for one in again)
-            self._continued.update(one for one in again if not one.fit.sizes.exact)
-            self._fit([_Plan.after(one, _restart(one), rounds=4) for one in again])
-        if self._may_be_exact(self.best):
-            self._fit([_Plan(self.best.effects, self.best.values, (ErrorSizes(),), near=True, fixed=True)])
-        for _ in range(UNFINISHED):
-            best = self.best
-            if best.fit.converged or best in self._continued:
-                break
-            self._continued.add(best)
-            exact = best.fit.sizes.exact  # a fit that chose errors again would end elsewhere
-            self._fit([_Plan.after(best, _restart(best), rounds=4, fixed=exact)])
-            if abs(self.best.log_weight - best.log_weight) < CLASS_NATS:
-                break
-
-    def _may_be_exact(self, one: Hypothesis) -> bool:
-        """Return whether a fit has errors that it may not need: without any, evidence counts in full."""
-        if one.fit.sizes.exact:
-            return False
-        try:
-            exact = one.fit.gram.value(ErrorSizes()).log_evidence
-        except np.linalg.LinAlgError:
-            return False
-        return exact > one.fit.log_evidence - NEAR
-
-    def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
-        """Return a hypothesis without one of its effects."""
-        return self.of([other for other in one.effects if other is not effect], one)
-
-    def of(self, effects: Sequence[Candidate], near: Hypothesis) -> Hypothesis:
-        """Return the hypothesis with these effects; fit it, starting from another one, if that was not done before."""
-        key = frozenset(effects)
-        if key not in self.found:
-            self._take(fitted(self.problem, tuple(effects), near.values, (near.fit.sizes,), fast=self._fast))
-        return self.found[key]
-
     def thin(self, one: Hypothesis) -> None:
         """Remove effects from the best hypothesis one by one while that improves it."""
         rests = [tuple(other for other in one.effects if other is not effect) for effect in one.effects]
         alone = [(effect,) for effect in one.effects if len(rests) > 2 and frozenset((effect,)) not in self.found]
-        self._fit([_Plan(rest, one.values, (one.fit.sizes,), near=True) for rest in (*rests, *alone)])
+        self.fit([Plan(rest, one.values, (one.fit.sizes,), near=True) for rest in (*rests, *alone)])
         self.polish()
         first = self.probable[0]
         if first is not one and len(first.effects) < len(one.effects):
             self.thin(first)
-
-    def inclusion(self, names: Collection[str]) -> float:
-        """Return the posterior probability that any of these effects is present, at whatever place."""
-        return sum(part for one, part in self.posterior if any(its.effect.name in names for its in one.effects))
 
 
 def _of_each_kind(promises: Sequence[ScreenedCandidate]) -> dict[Candidate, list[ScreenedCandidate]]:
@@ -460,27 +268,6 @@ def _of_each_kind(promises: Sequence[ScreenedCandidate]) -> dict[Candidate, list
     for promise in promises:
         first.setdefault(promise.candidate.effect.name, promise)
     return {promise.candidate: [promise] for promise in first.values()}
-
-
-def _better(made: Hypothesis, known: Hypothesis) -> bool:
-    """Return whether a fit replaces another one with the same effects.
-
-    With the same sizes of errors the one that ended lower does: its evidence is extrapolated over a shorter way.
-    """
-    if made.fit.sizes == known.fit.sizes:
-        return made.fit.value.here < known.fit.value.here
-    return made.log_weight - _extrapolated(made) > known.log_weight - _extrapolated(known)
-
-
-def _extrapolated(one: Hypothesis) -> float:
-    """Return the uncertainty of ln evidence, in nats: where a fit has not converged, it is extrapolated by one step."""
-    return 0.0 if one.fit.converged else 1.0
-
-
-def _restart(one: Hypothesis) -> tuple[ErrorSizes, ...]:
-    """Return the sizes of errors from which a fit is continued: other ones if it has not converged with its own."""
-    own = one.fit.sizes
-    return (own,) if one.fit.converged else (own, ErrorSizes(colour=own.colour))
 
 
 def _apart(promises: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:

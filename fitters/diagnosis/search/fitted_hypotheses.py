@@ -1,0 +1,203 @@
+"""All hypotheses that a search has fitted: the better fit of each is kept, and those that matter are continued."""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from weakref import WeakSet
+
+import numpy as np
+
+from ....models.base.errors import PzctlError
+from ...engine.on_cores import on_cores
+from ...error_model.error_sizes import ErrorSizes
+from ...error_model.marginal_fit import Minimum
+from ..decision_rules import CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, probabilities
+from ..hypotheses.problem import Candidate, Problem
+from .plan import Plan
+
+
+@dataclass(eq=False)
+class FittedHypotheses:
+    """Hypotheses by their sets of effects, with their probabilities."""
+
+    problem: Problem
+    progress: Callable[[str], None] = field(default=lambda _: None, kw_only=True)
+    jobs: int = field(default=1, kw_only=True)
+    """Number of processes that fit hypotheses at the same time. The result does not depend on it."""
+    found: dict[frozenset[Candidate], Hypothesis] = field(
+        default_factory=dict[frozenset[Candidate], Hypothesis], kw_only=True
+    )
+    _fine: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]], kw_only=True)
+    _continued: WeakSet[Hypothesis] = field(default_factory=WeakSet[Hypothesis], kw_only=True)
+
+    @property
+    def ranked(self) -> list[Hypothesis]:
+        """The hypotheses, that of the largest evidence times prior odds first."""
+        return sorted(self.found.values(), key=lambda one: -one.log_weight)
+
+    @property
+    def best(self) -> Hypothesis:
+        """The hypothesis of the largest evidence, times prior odds."""
+        return self.ranked[0]
+
+    @property
+    def posterior(self) -> list[tuple[Hypothesis, float]]:
+        """The hypotheses with their probabilities, for which evidence counts less where it is approximate; sorted."""
+        ranked = self.ranked
+        return sorted(zip(ranked, probabilities(ranked).tolist(), strict=True), key=lambda pair: -pair[1])
+
+    @property
+    def probable(self) -> list[Hypothesis]:
+        """The hypotheses, the largest posterior probability first."""
+        return [one for one, _ in self.posterior]
+
+    def inclusion(self, names: Collection[str]) -> float:
+        """Return the posterior probability that any of these effects is present, at whatever place."""
+        return sum(part for one, part in self.posterior if any(its.effect.name in names for its in one.effects))
+
+    def begin(self) -> Hypothesis:
+        """Fit the hypothesis without effects, unless that was done before."""
+        if frozenset() in self.found:
+            return self.found[frozenset()]
+        null = fitted(self.problem, (), self.problem.values, near=True, rounds=5)
+        self.found[null.key] = null
+        return null
+
+    def fit(self, plans: Sequence[Plan]) -> None:
+        """Fit all these, and keep each hypothesis unless one of the same effects is better."""
+        if self.jobs == 1:
+            made = [self._fitted(plan) for plan in plans]
+        else:
+            minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
+            made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
+        for one in made:
+            self.take(one)
+        for one in self.ranked[HELD_READY:]:
+            one.fit.forget()
+
+    def _minimum(self, plan: Plan) -> Minimum | None:
+        made = self._fitted(plan)
+        return None if made is None else made.fit.minimum
+
+    def _at(self, plan: Plan, minimum: Minimum | None) -> Hypothesis | None:
+        if minimum is None:
+            return None
+        try:
+            return at_minimum(self.problem, plan.effects, plan.values, minimum)
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return None
+
+    def _fitted(self, plan: Plan) -> Hypothesis | None:
+        """Return the fit; None if it cannot be computed, physics or covariance."""
+        sizes = (*plan.sizes, self.found[frozenset()].fit.sizes)
+        try:
+            return fitted(
+                self.problem,
+                plan.effects,
+                plan.values,
+                sizes,
+                near=plan.near,
+                rounds=plan.rounds,
+                fast=self._fast,
+                fixed=plan.fixed,
+                others=plan.others,
+                compared=plan.compared,
+                about=plan.about,
+            )
+        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            return None
+
+    def take(self, made: Hypothesis | None) -> None:
+        """Keep a hypothesis unless one of the same effects is better."""
+        if made is not None and np.isfinite(made.log_weight):
+            known = self.found.get(made.key)
+            if known is None or _better(made, known):
+                self.found[made.key] = made
+
+    @property
+    def _fast(self) -> bool:
+        """Whether fits include fast instrument errors; they do not if the fit without effects needs none."""
+        null = self.found.get(frozenset())
+        return null is None or null.fit.sizes.fast > 0
+
+    def polish(self) -> None:
+        """Continue the fits of the best hypotheses to convergence."""
+        for _ in range(POLISHED):
+            likely = [one for one in self.ranked[:POLISHED] if one.log_weight > self.best.log_weight - NEAR]
+            unfinished = [one for one in self._in_reach(self.ranked[:UNFINISHED]) if not one.fit.converged]
+            again = [one for one in dict.fromkeys((*likely, *unfinished)) if one.key not in self._fine]
+            if not again:
+                break
+            self._fine.update(one.key for one in again)
+            self._continued.update(one for one in again if not one.fit.sizes.exact)
+            self.fit([Plan.after(one, _restart(one), rounds=4) for one in again])
+        if self._may_be_exact(self.best):
+            self.fit([Plan(self.best.effects, self.best.values, (ErrorSizes(),), near=True, fixed=True)])
+        for _ in range(UNFINISHED):
+            best = self.best
+            if best.fit.converged or best in self._continued:
+                break
+            self._continued.add(best)
+            exact = best.fit.sizes.exact  # a fit that chose errors again would end elsewhere
+            self.fit([Plan.after(best, _restart(best), rounds=4, fixed=exact)])
+            if abs(self.best.log_weight - best.log_weight) < CLASS_NATS:
+                break
+
+    def _may_be_exact(self, one: Hypothesis) -> bool:
+        """Return whether a fit has errors that it may not need: without any, evidence counts in full."""
+        if one.fit.sizes.exact:
+            return False
+        try:
+            exact = one.fit.gram.value(ErrorSizes()).log_evidence
+        except np.linalg.LinAlgError:
+            return False
+        return exact > one.fit.log_evidence - NEAR
+
+    def without(self, one: Hypothesis, effect: Candidate) -> Hypothesis:
+        """Return a hypothesis without one of its effects."""
+        return self.of([other for other in one.effects if other is not effect], one)
+
+    def of(self, effects: Sequence[Candidate], near: Hypothesis) -> Hypothesis:
+        """Return the hypothesis with these effects; fit it, starting from another one, if that was not done before."""
+        key = frozenset(effects)
+        if key not in self.found:
+            self.take(fitted(self.problem, tuple(effects), near.values, (near.fit.sizes,), fast=self._fast))
+        return self.found[key]
+
+    def fit_again(self, problem: Problem) -> None:
+        """Fit the best hypotheses again, to other recordings or with another error model."""
+        self.problem = problem
+        null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
+        sizes = null.fit.sizes, ErrorSizes()
+        about = null.fit.minimum.corrections
+        self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True, about=about)}
+        for one in again:
+            self.take(self._at(Plan.after(one, ()), one.fit.minimum))
+        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in self._in_reach(self.ranked) if one.effects])
+
+    def _in_reach(self, some: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Return those of some hypotheses that are not impossible beside the best one, or may not be after a refit."""
+        best = self.best
+        return [one for one in some if one.log_weight > best.log_weight - NEAR * best.coarseness]
+
+
+def _better(made: Hypothesis, known: Hypothesis) -> bool:
+    """Return whether a fit replaces another one with the same effects.
+
+    With the same sizes of errors the one that ended lower does: its evidence is extrapolated over a shorter way.
+    """
+    if made.fit.sizes == known.fit.sizes:
+        return made.fit.value.here < known.fit.value.here
+    return made.log_weight - _extrapolated(made) > known.log_weight - _extrapolated(known)
+
+
+def _extrapolated(one: Hypothesis) -> float:
+    """Return the uncertainty of ln evidence, in nats: where a fit has not converged, it is extrapolated by one step."""
+    return 0.0 if one.fit.converged else 1.0
+
+
+def _restart(one: Hypothesis) -> tuple[ErrorSizes, ...]:
+    """Return the sizes of errors from which a fit is continued: other ones if it has not converged with its own."""
+    own = one.fit.sizes
+    return (own,) if one.fit.converged else (own, ErrorSizes(colour=own.colour))
