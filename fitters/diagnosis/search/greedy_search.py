@@ -151,7 +151,8 @@ class GreedySearch(FittedHypotheses):
         """
         best, within, likely = self.best, CLASS_NATS, list[Hypothesis]()
         if best.fit.shortfall > NEAR:
-            within, likely = NEAR, [one for one in self.ranked if self._likely in one.effects][:1]
+            better = (one for one in self.ranked if one.log_weight > self.found[frozenset()].log_weight)
+            within, likely = NEAR, [one for one in better if self._likely in one.effects][:1]
         probable = self.posterior[:PARENTS]
         near = [one for one, part in probable if part > probable[0][1] * np.exp(-within)]
         return [
