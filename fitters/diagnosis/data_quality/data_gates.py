@@ -9,6 +9,7 @@ from ....models.base.arrays import Reals
 from ....models.base.true_runs import true_runs
 from ....models.sweep import Sweep
 from ...engine.noise import noise_from_smoothness
+from ...error_model.prior_scales import INSTRUMENT
 from ...polarity import put_right
 from .data_issues import DataCheck, DataIssue
 from .matched_filters import Glitch
@@ -16,7 +17,7 @@ from .passivity import active_bands
 from .pole_fit import MOST_POLES, PoleFit
 from .repeats import differences
 from .sampling import points_per_linewidth
-from .steps_and_glitches import find_abrupt, repaired
+from .steps_and_glitches import find_abrupt, good_points, repaired
 
 _LEAST = 60
 """Fewest points with which steps, glitches and violations of causality can be told from noise."""
@@ -26,6 +27,8 @@ _EXCESS, _LEAST_RMS = 6.0, 2e-3
 both above these limits. Smaller residuals may come from poles that the fit did not find."""
 _FAINT = 3e-3
 """Largest relative size of a glitch that may be a weak line of the device: four times an instrument's own error."""
+_SLIGHT = 2 * INSTRUMENT
+"""Largest step that the analyzer's accuracy may cause: two standard deviations."""
 _COARSE = 3.0
 """Points per linewidth below which a resonance is hardly resolved."""
 
@@ -51,8 +54,11 @@ class Gated:
 
 
 def _told(one: DataIssue) -> bool:
-    """Return whether a disturbance is large enough to report: a small glitch may be a weak, sharp line."""
-    return one.kind == "step" or (one.size or 0.0) > _FAINT
+    """Return whether a disturbance is large enough to report.
+
+    A small glitch may be a weak, sharp line, and a small step an error that the analyzer may have.
+    """
+    return (one.size or 0.0) > (_FAINT if one.kind == "glitch" else _SLIGHT)
 
 
 def gate(sweeps: Mapping[str, tuple[Sweep, ...]]) -> Gated:
@@ -78,14 +84,18 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
         return sweep, check
     found = find_abrupt(sweep, noise)
     density = points_per_linewidth(found.fit, sweep.frequency)
+    coarse = density is not None and density[0] < _COARSE
+    # Poles cannot be narrower than the points: beside a narrower resonance only what is abrupt by itself is certain.
+    flaws = [flaw for flaw in found.flaws if flaw.plain or not coarse]
+    good = good_points(sweep, flaws)
     troubles = [
-        *(_trouble(sweep, flaw) for flaw in found.flaws),
+        *(_trouble(sweep, flaw) for flaw in flaws),
         *(DataIssue("not passive", band, _when(sweep, band)) for band in active_bands(sweep, noise)),
         *(DataIssue("not causal", band, _when(sweep, band)) for band in _not_causal(sweep, noise, found.fit)),
     ]
-    if density is not None and density[0] < _COARSE:
+    if density is not None and coarse:
         troubles.append(DataIssue("too coarse", (density[1], density[1]), None, density[0]))
-    put = replace(sweep, frequency=sweep.frequency[found.good], impedance=repaired(sweep, found.flaws)[found.good])
+    put = replace(sweep, frequency=sweep.frequency[good], impedance=repaired(sweep, flaws)[good])
     made = replace(
         check,
         noise=float(np.median(noise)),
