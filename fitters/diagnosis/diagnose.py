@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf, isfinite
 
 import numpy as np
 
@@ -231,7 +232,8 @@ def _told(
     told = [(one, _finding(problem, one, found, final, (held_before, held_after), coarse)) for one in found.named]
     left = remainder(final)
     findings = [said for one, said in told if one.kind == "finding"]
-    findings = [*of_the_data(gated, null.chi2_per_dof, held_before), *findings]
+    # a polarity has no size, and is first: nothing could be fitted before it was put right
+    findings = sorted([*of_the_data(gated, null.chi2_per_dof, held_before), *findings], key=_smallness)
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
         findings.append(_unknown(final, held_after, left, _where_it_acts(places, found, learn=learn), found))
@@ -290,6 +292,10 @@ def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tupl
                 f"have {', '.join(outside)}"
             )
     return named
+
+
+def _smallness(one: Finding) -> float:
+    return -one.moves if isfinite(one.moves) else -inf
 
 
 def _place(one: PlacedCorrection, steps: tuple[str, ...]) -> MismatchPlace:

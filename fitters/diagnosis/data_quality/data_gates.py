@@ -108,8 +108,11 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
 
 def _trouble(sweep: Sweep, flaw: Glitch) -> DataIssue:
     f, step = sweep.frequency, flaw.is_step(sweep.frequency.size)
+    part = ((f.size if step else flaw.stop) - flaw.first) / f.size
     band = (float(f[flaw.first - 1]), float(f[flaw.first])) if step else (float(f[flaw.first]), float(f[flaw.stop - 1]))
-    return DataIssue("step" if step else "glitch", band, _when(sweep, band), abs(flaw.amplitude))
+    size = abs(flaw.amplitude)
+    moves = size * float(np.sqrt(part * (1 - part)))
+    return DataIssue("step" if step else "glitch", band, _when(sweep, band), size, moves)
 
 
 def _when(sweep: Sweep, band: tuple[float, float]) -> float | None:

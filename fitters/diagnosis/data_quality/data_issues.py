@@ -16,6 +16,8 @@ class DataIssue:
     """Time since the sweep began, s; None if the duration of the sweep is unknown."""
     size: float | None = None
     """Relative height of a step or glitch; points per linewidth where too coarse; chi2 between repeated sweeps."""
+    moves: float = 0.0
+    """Rms change of ln Z over the recording by a step or glitch, apart from a constant factor."""
 
     @property
     def says(self) -> str:

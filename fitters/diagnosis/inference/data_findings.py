@@ -1,5 +1,7 @@
 """Findings of the data checks: recordings with wrong polarity, and disturbed recordings."""
 
+from math import sqrt
+
 from ...polarity import turned_says
 from ..data_quality.data_gates import Gated
 from ..data_quality.data_issues import DataCheck
@@ -21,6 +23,7 @@ def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
     turned = [
         _finding(
             *("polarity", "terminals", step, 0.995, ()),
+            moves=float("nan"),
             says=turned_says(step, how),
             chi2=(float("inf"), chi2),
             held_out=(float("inf"), held_out),
@@ -30,6 +33,7 @@ def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
     disturbed = [
         _finding(
             *(UNKNOWN, ANY, check.step, _SURE, tuple(one.band_Hz for one in check.abrupt)),
+            moves=sqrt(sum(one.moves**2 for one in check.abrupt)),
             says=_says(check),
             chi2=(chi2, chi2),
             held_out=(held_out, held_out),
@@ -69,6 +73,7 @@ def _finding(
     step: str,
     probability: float,
     bands_Hz: tuple[tuple[float, float], ...],
+    moves: float,
     says: str,
     chi2: tuple[float, float],
     held_out: tuple[float, float],
@@ -86,4 +91,5 @@ def _finding(
         held_out_after=held_out[1],
         alternatives=(),
         says=says,
+        moves=moves,
     )
