@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pzctl.fitters.diagnosis.data_quality.data_gates import gate
 from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue, Kind
 from pzctl.fitters.diagnosis.data_quality.matched_filters import adjusted, standing, strongest
 from pzctl.fitters.diagnosis.data_quality.passivity import active_bands
@@ -142,3 +143,20 @@ def test_every_kind_of_issue_is_a_sentence_with_its_place(kind: Kind) -> None:
     if check.abrupt:
         assert "12 s after the sweep began" in said
         assert "2 %" in said
+
+
+def test_a_resonance_narrower_than_three_points_is_no_glitch_but_a_step_stays_one() -> None:
+    few = slice(None, None, 5)
+    coarse = [_every(resonant(q=300.0, seed=seed), few) for seed in range(6)]
+    for sweep in coarse:
+        (check,) = gate({"disk": (sweep,)}).checks
+        assert check.points_per_linewidth is None or check.points_per_linewidth < 3
+        assert check.abrupt == ()
+    jump = np.where(np.arange(coarse[0].frequency.size) > 60, 1.05, 1.0)
+    (issue,) = gate({"disk": (times(coarse[0], jump),)}).checks[0].abrupt
+    assert issue.kind == "step"
+    assert issue.size == pytest.approx(0.05, rel=0.05)
+
+
+def _every(sweep: Sweep, some: slice) -> Sweep:
+    return replace(sweep, frequency=sweep.frequency[some], impedance=sweep.impedance[some])

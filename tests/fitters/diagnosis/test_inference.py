@@ -17,6 +17,7 @@ from pzctl.fitters.diagnosis.findings import Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
 from pzctl.fitters.diagnosis.inference.averaged_constants import averaged_constants
+from pzctl.fitters.diagnosis.inference.certainty import Certainties
 from pzctl.fitters.diagnosis.inference.conclusion import conclude
 from pzctl.fitters.diagnosis.inference.data_findings import of_the_data, verdict_with, where_disturbed
 from pzctl.fitters.diagnosis.inference.effect_size import (
@@ -163,6 +164,15 @@ def test_inverted_data_can_be_explained_but_disturbed_data_never_fully(
     assert verdict_with(data, verdict) == deserved  # type: ignore[arg-type]
 
 
+def test_an_effect_is_no_more_certain_than_it_is_present(lead_case) -> None:
+    certainties = Certainties(lead_case.search)
+    assert certainties.present({"lead-inductance"}) == pytest.approx(1, abs=0.01)
+    for name in ("lead-inductance", "stray-capacitance", "electrode-mass", "leakage"):
+        assert certainties.present({name}) <= lead_case.search.inclusion({name}) + 1e-9
+    (own,) = certainties.of(lead_case.search.best).values()
+    assert own.of_effect == certainties.present({"lead-inductance"}) <= own.of_class
+
+
 def test_at_most_three_disturbances_are_listed_and_lines_within_them_dropped() -> None:
     (finding,) = of_the_data(gated(*[JUMP] * 5), 1.0, 1.0)
     assert finding.says.count("it jumps by") == 3
@@ -172,8 +182,10 @@ def test_at_most_three_disturbances_are_listed_and_lines_within_them_dropped() -
         assert where_disturbed(gated(JUMP), LINE, found) is inside  # type: ignore[arg-type]
         elsewhere = SimpleNamespace(steps=("ml1",), resonance_parameters=("line",))
         assert not where_disturbed(gated(JUMP), elsewhere, found)  # type: ignore[arg-type]
-    small = replace(JUMP, kind="glitch", size=1e-4)
+    small = replace(JUMP, kind="glitch", size=1e-3)
     assert of_the_data(gated(small), 1.0, 1.0) == [], "a small glitch may be a faint line"
+    slight = replace(JUMP, size=1e-3)
+    assert of_the_data(gated(slight), 1.0, 1.0) == [], "a 4294A is accurate to 0.08 %"
 
 
 def test_every_threshold_states_its_source() -> None:
