@@ -199,10 +199,17 @@ class Objective:
 
     def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
         """Return the residuals of priors, losses and earlier steps' posteriors."""
-        priors = (np.array([prior.predicted(values) for prior in self.priors]) - self._mean) / self._u
+        priors = self._beside_priors(values)
         losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
         y, _ = self.straight(x) if self._told else (x, x)
         return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]
+
+    def beside_priors(self, x: Reals) -> Reals:
+        """Return how far the parameters are from their priors, in standard uncertainties, shape (K,)."""
+        return self._beside_priors(self.coordinates.forward(x)[0])
+
+    def _beside_priors(self, values: Mapping[str, float]) -> Reals:
+        return (np.array([prior.predicted(values) for prior in self.priors]) - self._mean) / self._u
 
     def cost(self, x: Reals) -> float:
         """Return half the sum of squares at x without derivatives; infinite where the model does not exist."""

@@ -17,7 +17,7 @@ from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import APPROXIMATE, COARSENED, LEFT, ODDS
 from .problem import Candidate, Problem
-from .size_priors import SizePriors, block_of, slopes_by_size
+from .size_priors import SizePriors, block_of, log_tails_of, slopes_by_size
 
 _EMPTY = ErrorSizes()
 _NEGLIGIBLE = 30.0
@@ -31,7 +31,7 @@ class Hypothesis:
     effects: tuple[Candidate, ...]
     fit: MarginalFit
     log_tails: float
-    """Logarithm of the priors' tails, over the normal density that the fit used."""
+    """Logarithm of the tails of all priors, of sizes and of dimensions, over the normal density that the fit used."""
     log_volume: float
     """Logarithm of the priors' densities at their largest values."""
     log_odds: float
@@ -192,6 +192,7 @@ def _weighed(effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     # the evidence is that of the minimum of the quadratic expansion, which is far away if a fit has not converged
     tails = min(priors.log_tails(found.x), priors.log_tails(found.x + found.value.step))
+    tails += log_tails_of(found.marginal.objective.beside_priors(found.x))
     return Hypothesis(tuple(effects), found, tails, priors.log_volume(), odds)
 
 

@@ -107,10 +107,13 @@ class CoupledLoop(InstrumentArtefact):
     references = ("Terman, Radio Engineers' Handbook (1943), section 3 (coupled circuits)",)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return M^2/L of the loop (H), its resonance frequency (Hz) and its Q."""
+        """Return M^2/L of the loop (H), its resonance frequency (Hz) and its Q.
+
+        M^2/L is the lead's own inductance, 5 to 50 nH, times the square of the coupling, a tenth and at most a third.
+        """
         f0 = resonance(stack)
         return (
-            EffectParameter("inductance", "H", typical=1e-9),
+            EffectParameter("inductance", "H", typical=1e-9, upper=1.5e-8, prior=(1.6e-9, 1.5)),
             EffectParameter("frequency", "Hz", typical=0.01 * f0, lower=1e-3 * f0, upper=100 * f0, null=0.87 * f0),
             EffectParameter("q", "1", typical=3.0, lower=1.0, upper=20.0, null=4.0, scan=(2.0, 6.0, 15.0)),
         )

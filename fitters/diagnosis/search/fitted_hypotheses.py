@@ -1,7 +1,7 @@
 """All hypotheses that a search has fitted: the better fit of each is kept, and those that matter are continued."""
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from weakref import WeakSet
 
@@ -11,6 +11,7 @@ from ....models.base.errors import PzctlError
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
+from ...interface import FitError
 from ..decision_rules import CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
@@ -90,9 +91,10 @@ class FittedHypotheses:
 
     def _fitted(self, plan: Plan) -> Hypothesis | None:
         """Return the fit; None if it cannot be computed, physics or covariance."""
-        sizes = (*plan.sizes, self.found[frozenset()].fit.sizes)
+        null = self.found.get(frozenset())
+        sizes = plan.sizes if null is None else (*plan.sizes, null.fit.sizes)
         try:
-            return fitted(
+            made = fitted(
                 self.problem,
                 plan.effects,
                 plan.values,
@@ -107,6 +109,7 @@ class FittedHypotheses:
             )
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return None
+        return made if np.isfinite(made.log_weight) else None
 
     def take(self, made: Hypothesis | None) -> None:
         """Keep a hypothesis unless one of the same effects is better."""
@@ -159,19 +162,30 @@ class FittedHypotheses:
         return self.of([other for other in one.effects if other is not effect], one)
 
     def of(self, effects: Sequence[Candidate], near: Hypothesis) -> Hypothesis:
-        """Return the hypothesis with these effects; fit it, starting from another one, if that was not done before."""
-        key = frozenset(effects)
+        """Return the hypothesis with these effects; fit it, starting from another one, if that was not done before.
+
+        Raises FitError if they cannot be fitted.
+        """
+        key, plan = frozenset(effects), Plan(tuple(effects), near.values, (near.fit.sizes,), compared=True)
         if key not in self.found:
-            self.take(fitted(self.problem, tuple(effects), near.values, (near.fit.sizes,), fast=self._fast))
+            self.take(self._first((plan, replace(plan, near=True))))
         return self.found[key]
+
+    def _first(self, plans: Sequence[Plan]) -> Hypothesis:
+        """Return the first of these fits of the same effects that can be computed. Raises FitError if none can."""
+        made = next((one for plan in plans if (one := self._fitted(plan)) is not None), None)
+        if made is None:
+            names = ", ".join(one.effect.name for one in plans[0].effects) or "no effect"
+            raise FitError(f"the recordings cannot be fitted with {names}: the model is not finite near their values")
+        return made
 
     def fit_again(self, problem: Problem) -> None:
         """Fit the best hypotheses again, to other recordings or with another error model."""
         self.problem = problem
         null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
         sizes = null.fit.sizes, ErrorSizes()
-        about = null.fit.minimum.corrections
-        self.found = {frozenset(): fitted(self.problem, (), null.values, sizes, near=True, about=about)}
+        after, anew = Plan.after(null, sizes), Plan((), null.values, sizes, compared=True)
+        self.found = {null.key: self._first((after, replace(anew, near=True), anew))}
         for one in again:
             self.take(self._at(Plan.after(one, ()), one.fit.minimum))
         self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in self._in_reach(self.ranked) if one.effects])
