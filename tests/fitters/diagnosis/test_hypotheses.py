@@ -18,7 +18,7 @@ from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_o
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import coarseness, fitted, probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
 from pzctl.fitters.diagnosis.hypotheses.problem import Problem
-from pzctl.fitters.diagnosis.hypotheses.size_priors import SizePriors, block_of, shown, width
+from pzctl.fitters.diagnosis.hypotheses.size_priors import SizePriors, block_of, log_tails_of, shown, width
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Device, EffectParameter, catalogue
@@ -27,6 +27,15 @@ from pzctl.models.sweep import Sweep
 FROM_NOTHING = EffectParameter("inductance", "H", typical=2e-8, upper=1e-5, prior=(1.5e-8, 0.9))
 BETWEEN = EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0)
 EITHER_SIGN = EffectParameter("gain", "1", typical=1e-3, lower=-0.5, upper=0.5)
+
+
+def test_a_wrong_dimension_costs_nats_but_explains_no_amount_of_evidence() -> None:
+    z = np.linspace(0, 12, 25)
+    cost = z**2 / 2 - [log_tails_of(np.array([one])) for one in z]
+    assert cost[:4] == pytest.approx(z[:4] ** 2 / 2, abs=0.15), "what is usual is as usual as it was"
+    assert np.all(np.diff(cost) > 0)
+    assert cost[-1] == pytest.approx(-np.log(0.1 / 4) + (12 / 4) ** 2 / 2, rel=0.01)
+    assert log_tails_of(z) == pytest.approx(sum(log_tails_of(np.array([one])) for one in z))
 
 
 def test_an_effect_is_tried_at_all_its_places(lead_case) -> None:
