@@ -12,7 +12,7 @@ from ...models.effects.learned.learned import LearnedLaw
 from ..disk.two_d.disk2d import Disk2DFitter
 from ..engine.fitted_model import Diagnosable, FittedModel
 from ..error_model.uncertainty_sources import taken_up
-from ..interface import Curve, FitTask, TaskError
+from ..interface import Curve, FitError, FitTask, TaskError
 from ..plugins import DEFAULT, load_fitter
 from ..uncertainty.fit_result import curves_of
 from ..user_effects import every_effect
@@ -69,15 +69,34 @@ def diagnose(
     fitted or contain no such data to hold out, TaskError for effects that the fitter's model cannot have, EffectError
     for an unknown effect.
     """
+    wanted = _Wanted(
+        _possible(effects, fitter),
+        progress,
+        hold_out,
+        others or {},
+        learn and fitter is None,
+        tuple(known),
+        jobs,
+        fitter,
+    )
+    try:
+        return _diagnosed(task, wanted)
+    except np.linalg.LinAlgError as error:
+        raise FitError(
+            f"the recordings cannot be diagnosed: the equations of a fit have no solution ({error}); check the "
+            "units and dimensions of the build"
+        ) from error
+
+
+def _diagnosed(task: FitTask, wanted: "_Wanted") -> Diagnosis:
+    """Return the diagnosis. Raises the same errors, and LinAlgError."""
     began = time.perf_counter()
-    effects = _possible(effects, fitter)
+    progress, fitter = wanted.progress, wanted.fitter
     progress("checking the data")
     gated = gate(task.sweeps)
     progress("fitting without effects")
     task = replace(task, sweeps=gated.sweeps)
-    bare = Problem.posed(task, progress, fitter, hold_out)
-    wanted = _Wanted(effects, progress, hold_out, others or {}, learn and fitter is None, tuple(known), jobs, fitter)
-    problem, choice = _posed(bare, wanted)
+    problem, choice = _posed(Problem.posed(task, progress, fitter, wanted.hold_out), wanted)
     search = _search(problem, choice, wanted)
     disk = _FiniteDiameter(task, wanted, problem, search) if _may_show_its_rim(task, fitter, choice) else None
     if disk is not None and (early := disk.before_all_else()) is not None:

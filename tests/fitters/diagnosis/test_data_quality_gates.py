@@ -145,12 +145,12 @@ def test_every_kind_of_issue_is_a_sentence_with_its_place(kind: Kind) -> None:
         assert "2 %" in said
 
 
-def test_a_resonance_narrower_than_three_points_is_no_glitch_but_a_step_stays_one() -> None:
+def test_a_resonance_narrower_than_two_points_is_no_glitch_but_a_step_stays_one() -> None:
     few = slice(None, None, 5)
     coarse = [_every(resonant(q=300.0, seed=seed), few) for seed in range(6)]
     for sweep in coarse:
         (check,) = gate({"disk": (sweep,)}).checks
-        assert check.points_per_linewidth is None or check.points_per_linewidth < 3
+        assert check.points_per_linewidth is None or check.points_per_linewidth < 2
         assert check.abrupt == ()
     jump = np.where(np.arange(coarse[0].frequency.size) > 60, 1.05, 1.0)
     (issue,) = gate({"disk": (times(coarse[0], jump),)}).checks[0].abrupt

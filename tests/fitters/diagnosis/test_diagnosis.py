@@ -198,7 +198,7 @@ def test_the_edges_of_a_glitch_are_not_lines(cases: Path) -> None:
 def test_a_loop_beside_the_lead_is_not_attributed_to_the_device(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases)
     jw, w = 2j * np.pi * f, 2 * np.pi * 3.3e6
-    loop = -jw * jw * 2e-8 / (jw + w / 5 + w * w / jw)  # it couples over a band a fifth as wide as its frequency
+    loop = -jw * jw * 1e-8 / (jw + w / 5 + w * w / jw)  # it couples over a band a fifth as wide as its frequency
     diagnosis = with_admittance(cases, sweep, 1 / (1 / admittance + loop), "spurious-resonance", "temperature-drift")
     assert [(finding.effect, finding.where) for finding in diagnosis.findings] == [("unknown", "any")]
     assert "in series" in diagnosis.findings[0].says
