@@ -1,6 +1,6 @@
 """Fits by marginal likelihood: errors of instrument and model are integrated out, and their sizes estimated."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -205,25 +205,21 @@ def fit(
     x: Reals,
     starts: Sequence[ErrorSizes] = (ErrorSizes(),),
     rounds: int = 3,
+    *,
     fixed: bool = False,
-    fast: bool = True,
-    tau: bool = True,
-    shape: bool = True,
     compared: bool = True,
-    fixture: bool = True,
+    barred: Collection[str] = (),
 ) -> MarginalFit:
     """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
-    `fixed`: use the sizes of the first start; `fast`: whether fast instrument errors are allowed; `tau`: whether smooth
-    errors of all constants are; `shape`: whether those of the effects' formulas are; `fixture`: whether a residual of
-    the fixture is. `compared`: whether its evidence will be compared with that of others and has to settle, if need be
-    in further rounds; constants then move by less than their uncertainties.
+    `fixed`: use the sizes of the first start. `compared`: whether its evidence will be compared with that of others and
+    has to settle, if need be in further rounds; constants then move by less than their uncertainties. `barred`: parts
+    of the error that it has none of, by their names in `ErrorSizes`.
     """
-    never = [name for name, allowed in (("tau", tau), ("shape", shape), ("fixture", fixture)) if not allowed]
-    for name in never:
+    fast, order = "fast" not in barred, [name for name in ORDER if name not in barred]
+    for name in barred:
         starts = tuple(own.at(name, 0.0) for own in starts)
     sizes = starts[0]
-    order = [name for name in ORDER if (fast or name != "fast") and name not in never]
     now = _Round.before(marginal, x, sizes, fast)
     converged, held, before = False, False, np.inf
     for k in range(rounds + _FURTHER if rounds and compared else rounds):

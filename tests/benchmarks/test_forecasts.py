@@ -88,7 +88,7 @@ def fit_of(problem: Problem, law: LearnedLaw, values: dict[str, float]) -> Hypot
     where = law.place.where
     one = Candidate(law, where, ("disk",), law.effect_parameters(STACK, where))
     start = {**problem.values, **{one.prefix + name: value for name, value in values.items()}}
-    found = fitted(problem, (one,), start, tau=False)
+    found = fitted(problem, (one,), start, barred=("tau",))
     beside = with_weak_lines(problem, found)
     return found if beside.lines == problem.lines else fitted(beside, (one,), found.values, near=True)
 

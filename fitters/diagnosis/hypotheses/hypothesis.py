@@ -1,6 +1,6 @@
 """Hypotheses: sets of effects, each fitted by its marginal likelihood, and their posterior probabilities."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -154,22 +154,18 @@ def fitted(
     *,
     near: bool = False,
     rounds: int = 3,
-    fast: bool = True,
-    tau: bool = True,
-    shape: bool = True,
     fixed: bool = False,
     others: Sequence[Mapping[str, float]] = (),
     compared: bool = True,
     about: Corrections | None = None,
-    fixture: bool = True,
+    barred: Collection[str] = (),
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
-    `fast`, `tau`, `shape`: whether fast errors of the instrument and smooth ones of all constants and of the effects'
-    formulas are allowed. `fixed`: whether errors have the sizes of the first start. `others`: further values from
-    which plain least squares start; the fit continues from the lowest minimum. `compared`: whether the evidence has to
-    settle. `about`: corrections of constants about which the errors of a fit are linear that ended at `values`.
-    `fixture`: whether a residual of the fixture is allowed.
+    `fixed`: whether errors have the sizes of the first start. `others`: further values from which plain least squares
+    start; the fit continues from the lowest minimum. `compared`: whether the evidence has to settle. `about`:
+    corrections of constants about which the errors of a fit are linear that ended at `values`. `barred`: parts of the
+    error that it has none of, by their names in `ErrorSizes`.
     """
     marginal = marginal_of(problem, effects, values).around(about)
     x = marginal.objective.coordinates.x
@@ -177,7 +173,7 @@ def fitted(
         free = marginal.objective.coordinates.free
         more = [marginal_of(problem, effects, other).objective.coordinates for other in others]
         x = plain(marginal, [x, *(other.x for other in more if other.free == free)])
-    return _weighed(effects, fit(marginal, x, starts, rounds, fixed, fast, tau, shape, compared, fixture))
+    return _weighed(effects, fit(marginal, x, starts, rounds, fixed=fixed, compared=compared, barred=barred))
 
 
 def at_minimum(

@@ -18,7 +18,9 @@ _ABSENT = 0.1
 """Prior probability that one of several sizes of an effect is absent, or what comes in proportion to it: a resonance is
 driven by the voltage, by the strain, or by both, and a compensation may have taken off the resistance of a lead."""
 _TAIL, _SHARE = 4.0, 0.1
-"""One size or dimension in ten comes from a density four times as wide, because no list of known sizes is complete."""
+"""One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
+_WRONG, _GROSS = 10.0, 0.01
+"""One dimension of a build in a hundred comes from a density ten times as wide: a slip of the pen, another sample."""
 
 
 def block_of(name: str, knob: EffectParameter) -> Block:
@@ -93,7 +95,7 @@ class SizePriors:
     def log_tails(self, x: Reals) -> float:
         """Return the change of ln prior density at `x` due to the wide tails, and to sizes that may be absent."""
         z = self._deviations @ x
-        mixed = _mixed(z)
+        mixed = _mixed(z, _SHARE, _TAIL)
         others = [np.delete(group, np.argmax(z[group])) for group in self._several]
         optional = np.concatenate([*others, self._optional]).astype(np.intp)
         mixed[optional] = (1 - _ABSENT) * mixed[optional] + _ABSENT * self._without(z, optional)
@@ -114,13 +116,13 @@ class SizePriors:
 def log_tails_of(z: Reals) -> float:
     """Return ln of the prior density of values z standard uncertainties from what a build says, over a normal one.
 
-    A dimension of a build may be wrong by more than its uncertainty says, as no list of sizes is complete.
+    A dimension of a build may be wrong by more than its uncertainty says.
     """
-    return float(np.sum(np.log(np.maximum(_mixed(z), 1e-300)) + z**2 / 2))
+    return float(np.sum(np.log(np.maximum(_mixed(z, _GROSS, _WRONG), 1e-300)) + z**2 / 2))
 
 
-def _mixed(z: Reals) -> Reals:
-    return (1 - _SHARE) * np.exp(-(z**2) / 2) + _SHARE / _TAIL * np.exp(-(z**2) / 2 / _TAIL**2)
+def _mixed(z: Reals, share: float, tail: float) -> Reals:
+    return (1 - share) * np.exp(-(z**2) / 2) + share / tail * np.exp(-(z**2) / 2 / tail**2)
 
 
 def slopes_by_size(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:

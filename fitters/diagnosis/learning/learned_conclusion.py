@@ -90,7 +90,7 @@ def _alternatives(choice: Choice, conclusion: Conclusion) -> tuple[Alternative, 
 def _less(problem: Problem, final: Hypothesis, effect: Candidate) -> Hypothesis:
     """Return the explanation fitted without one of its effects."""
     rest = tuple(one for one in final.effects if one is not effect)
-    return fitted(problem, rest, final.values, (final.fit.sizes,), near=True, tau=False, shape=False)
+    return fitted(problem, rest, final.values, (final.fit.sizes,), near=True, barred=("tau", "shape"))
 
 
 def _share(without: Hypothesis, final: Hypothesis) -> float:

@@ -1,6 +1,6 @@
 """A learned law as a further effect of a conclusion, beside named effects or in place of them, as the evidence says."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -149,7 +149,7 @@ class Learning:
         """Return a hypothesis fitted without smooth errors of the model, which would absorb what a law describes."""
         absorbed = one.fit.sizes.shape > 0 or not has_usual_fixture(one)
         made = [
-            usually_fitted(self.problem, one.effects, one.values, (one.fit.sizes,), near=near, shape=False)
+            usually_fitted(self.problem, one.effects, one.values, (one.fit.sizes,), near=near, barred=("tau", "shape"))
             for near in ((True, False) if absorbed else (True,))
         ]
         return max(made, key=lambda hypothesis: hypothesis.log_evidence)
@@ -181,7 +181,7 @@ class Learning:
         best = choice.best.hypothesis
         try:
             problem = with_weak_lines(self.problem, best)
-            best = _beside(problem, best, tau=False)
+            best = _beside(problem, best, barred=("tau",))
             made = fitted(problem, best.effects, best.values, (best.fit.sizes,), near=True)
         except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
             return best
@@ -202,11 +202,11 @@ def _without_artefacts(problem: Problem, one: Hypothesis) -> list[Hypothesis]:
     return [usually_fitted(problem, effects, one.values, (one.fit.sizes, ErrorSizes()))]
 
 
-def _beside(problem: Problem, one: Hypothesis, *, tau: bool = True) -> Hypothesis:
-    """Return a hypothesis fitted beside the weak lines of a problem; `tau`: whether smooth errors are allowed."""
+def _beside(problem: Problem, one: Hypothesis, barred: Collection[str] = ()) -> Hypothesis:
+    """Return a hypothesis fitted beside the weak lines of a problem, without the errors that are `barred`."""
     if set(one.fit.marginal.lines) == set(problem.lines):
         return one
-    return usually_fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), tau=tau)
+    return usually_fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), barred=barred)
 
 
 def _likely(places: Sequence[PlacedCorrection], least: float) -> list[PlacedCorrection]:

@@ -46,7 +46,7 @@ def placed_corrections(
     the effects' formulas, as a law that is learned from it needs; otherwise from its first-order solution alone.
     """
     try:
-        alone = usually_fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), shape=not thorough)
+        alone = usually_fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), barred=_barred(thorough))
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
     everywhere = all_places(problem)
@@ -153,8 +153,13 @@ class _Plan:
     values: Mapping[str, float]
     sizes: ErrorSizes
     near: bool
-    shape: bool
-    """Whether the effects' formulas may err."""
+    barred: tuple[str, ...]
+    """Parts of the error that the fit has none of."""
+
+
+def _barred(thorough: bool) -> tuple[str, ...]:
+    """Return the parts of the error that would absorb what a correction describes."""
+    return ("tau", "shape") if thorough else ("tau",)
 
 
 def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> _Trial | None:
@@ -178,7 +183,7 @@ def _fitted(
 ) -> list[Hypothesis | None]:
     """Return the best fit of each correction; None where there is none."""
     plans = [
-        _Plan((*parent.effects, trial.candidate), values, sizes, near, not thorough)
+        _Plan((*parent.effects, trial.candidate), values, sizes, near, _barred(thorough))
         for trial in trials
         for values, near in (((dict(parent.values), False),) if thorough else ()) + ((trial.start, True),)
         # one by one, because each leads to a different minimum
@@ -200,7 +205,7 @@ def _end(problem: Problem, plan: _Plan) -> tuple[float, Minimum] | None:
     """Return the ln evidence and the minimum that a fit reaches."""
     try:
         made = usually_fitted(
-            problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, shape=plan.shape
+            problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, barred=plan.barred
         )
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return None

@@ -5,7 +5,7 @@ the device is so sensitive that a few nanohenries describe anything. Such a fit 
 learned beside it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -23,17 +23,16 @@ def usually_fitted(
     *,
     near: bool = True,
     rounds: int = 3,
-    tau: bool = False,
-    shape: bool = True,
+    barred: Collection[str] = ("tau",),
 ) -> Hypothesis:
     """Return the fit of a hypothesis; without any residual of the fixture, if it would be more than a usual one.
 
     The arguments are those of `fitted`.
     """
-    made = fitted(problem, effects, values, starts, near=near, rounds=rounds, tau=tau, shape=shape)
+    made = fitted(problem, effects, values, starts, near=near, rounds=rounds, barred=barred)
     if has_usual_fixture(made):
         return made
-    return fitted(problem, effects, values, starts, near=near, rounds=rounds, tau=tau, shape=shape, fixture=False)
+    return fitted(problem, effects, values, starts, near=near, rounds=rounds, barred=(*barred, "fixture"))
 
 
 def has_usual_fixture(one: Hypothesis) -> bool:

@@ -101,7 +101,7 @@ class FittedHypotheses:
                 sizes,
                 near=plan.near,
                 rounds=plan.rounds,
-                fast=self._fast,
+                barred=self._barred,
                 fixed=plan.fixed,
                 others=plan.others,
                 compared=plan.compared,
@@ -119,10 +119,10 @@ class FittedHypotheses:
                 self.found[made.key] = made
 
     @property
-    def _fast(self) -> bool:
-        """Whether fits include fast instrument errors; they do not if the fit without effects needs none."""
+    def _barred(self) -> tuple[str, ...]:
+        """Parts of the error that no fit has: fast ones of the instrument, if the one without effects needs none."""
         null = self.found.get(frozenset())
-        return null is None or null.fit.sizes.fast > 0
+        return () if null is None or null.fit.sizes.fast > 0 else ("fast",)
 
     def polish(self) -> None:
         """Continue the fits of the best hypotheses to convergence."""

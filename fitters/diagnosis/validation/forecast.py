@@ -71,7 +71,8 @@ def _fitted(problem: Problem, found: Hypothesis, sizes: ErrorSizes, *, fixed: bo
     """Return the fit of a hypothesis to the data of a problem, from where it was found."""
     marginal = marginal_of(problem, found.effects, found.values).around(found.fit.minimum.corrections)
     x, allowed = marginal.objective.coordinates.x, found.fit.sizes
-    return fit(marginal, x, (sizes,), _ROUNDS, fixed, tau=allowed.tau > 0, shape=allowed.shape > 0)
+    barred = [name for name in ("tau", "shape") if getattr(allowed, name) == 0]
+    return fit(marginal, x, (sizes,), _ROUNDS, fixed=fixed, barred=barred)
 
 
 def _without_held_out(problem: Problem) -> Problem:

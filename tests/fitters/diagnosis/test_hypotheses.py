@@ -34,7 +34,7 @@ def test_a_wrong_dimension_costs_nats_but_explains_no_amount_of_evidence() -> No
     cost = z**2 / 2 - [log_tails_of(np.array([one])) for one in z]
     assert cost[:4] == pytest.approx(z[:4] ** 2 / 2, abs=0.15), "what is usual is as usual as it was"
     assert np.all(np.diff(cost) > 0)
-    assert cost[-1] == pytest.approx(-np.log(0.1 / 4) + (12 / 4) ** 2 / 2, rel=0.01)
+    assert cost[-1] == pytest.approx(-np.log(0.01 / 10) + (12 / 10) ** 2 / 2, rel=0.01)
     assert log_tails_of(z) == pytest.approx(sum(log_tails_of(np.array([one])) for one in z))
 
 

@@ -189,10 +189,10 @@ def test_a_wire_is_no_residual_of_a_fixture(bare: Device) -> None:
     """It absorbs 5 nH with five times its usual size; such a fit explains nothing."""
     f = np.linspace(1.5e6, 7.5e6, 61)
     problem = Problem.of(solve(recorded(bare.bare.impedance(f) + 2j * np.pi * f * 5e-9, f), lambda _: None), None)
-    assert not has_usual_fixture(fitted(problem, (), problem.values, tau=False))
+    assert not has_usual_fixture(fitted(problem, (), problem.values, barred=("tau",)))
     assert usually_fitted(problem, (), problem.values, near=False).fit.sizes.fixture == 0
     good = Problem.of(solve(recorded(bare.bare.impedance(f), f), lambda _: None), None)
-    assert has_usual_fixture(fitted(good, (), good.values, tau=False))
+    assert has_usual_fixture(fitted(good, (), good.values, barred=("tau",)))
 
 
 def test_a_law_that_changes_a_device_much_is_found_by_plain_least_squares(bare: Device) -> None:
@@ -202,4 +202,4 @@ def test_a_law_that_changes_a_device_much_is_found_by_plain_least_squares(bare: 
     plain = fitted(problem, (), problem.values, near=False, rounds=0)
     best = max(plainly_better_laws(problem, plain, plain), key=lambda one: one.hypothesis.log_evidence)
     assert best.effect.place == Place("layer:disk", "permittivity")
-    assert best.hypothesis.log_evidence > fitted(problem, (), problem.values, tau=False).log_evidence + 200
+    assert best.hypothesis.log_evidence > fitted(problem, (), problem.values, barred=("tau",)).log_evidence + 200
