@@ -199,25 +199,25 @@ class Objective:
 
     def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
         """Return the residuals of priors, losses and earlier steps' posteriors."""
-        priors = self._beside_priors(values)
+        priors = self._prior_deviations(values)
         losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
         y, _ = self.straight(x) if self._told else (x, x)
         return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]
 
-    def beside_priors(self, x: Reals) -> Reals:
+    def prior_deviations(self, x: Reals) -> Reals:
         """Return how far the parameters are from their priors, in standard uncertainties, shape (K,)."""
-        return self._beside_priors(self.coordinates.forward(x)[0])
+        return self._prior_deviations(self.coordinates.forward(x)[0])
 
-    def _beside_priors(self, values: Mapping[str, float]) -> Reals:
+    def _prior_deviations(self, values: Mapping[str, float]) -> Reals:
         return (np.array([prior.predicted(values) for prior in self.priors]) - self._mean) / self._u
 
     def cost(self, x: Reals) -> float:
         """Return half the sum of squares at x without derivatives; infinite where the model does not exist."""
         self.evaluations += 1
-        values, _ = self.coordinates.forward(x)
         total = 0.0
         try:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+                values, _ = self.coordinates.forward(x)
                 for shared in self._shared:
                     whole = self._with(shared, values).impedance(shared.frequency)
                     for recording, part in zip(shared.recordings, shared.parts, strict=True):

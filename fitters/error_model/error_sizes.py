@@ -191,10 +191,12 @@ class Gram:
 
 
 def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
-    """Return the Cholesky factor of 1 + d G d, and ln of its determinant."""
+    """Return the Cholesky factor of 1 + d G d, and ln of its determinant. Raises LinAlgError."""
     if not d.size:
         return np.zeros((0, 0)), 0.0
     S = np.eye(d.size) + d[:, None] * G * d
+    if not np.all(np.diag(S) > 0):
+        raise np.linalg.LinAlgError("no covariance")
     unit = np.sqrt(np.diag(S))
     scaled = unit[:, None] * _cholesky(S / unit / unit[:, None])
     return scaled, 2 * float(np.sum(np.log(np.diag(scaled))))
