@@ -199,16 +199,13 @@ class Objective:
 
     def _beforehand(self, x: Reals, values: Mapping[str, float]) -> list[Reals]:
         """Return the residuals of priors, losses and earlier steps' posteriors."""
-        priors = self._prior_deviations(values)
+        priors = self.prior_deviations(values)
         losses = (x[self._losses] - _LOSS_MEAN) / _LOSS_WIDTH
         y, _ = self.straight(x) if self._told else (x, x)
         return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]
 
-    def prior_deviations(self, x: Reals) -> Reals:
+    def prior_deviations(self, values: Mapping[str, float]) -> Reals:
         """Return how far the parameters are from their priors, in standard uncertainties, shape (K,)."""
-        return self._prior_deviations(self.coordinates.forward(x)[0])
-
-    def _prior_deviations(self, values: Mapping[str, float]) -> Reals:
         return (np.array([prior.predicted(values) for prior in self.priors]) - self._mean) / self._u
 
     def cost(self, x: Reals) -> float:

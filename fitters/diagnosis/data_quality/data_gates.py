@@ -1,10 +1,9 @@
 """Run all data checks in turn: correct or exclude faulty data, and report every change."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....models.base.arrays import Reals
 from ....models.base.true_runs import true_runs
@@ -17,8 +16,7 @@ from .matched_filters import Glitch
 from .passivity import active_bands
 from .pole_fit import MOST_POLES, PoleFit
 from .repeats import differences
-from .sampling import points_per_linewidth
-from .steps_and_glitches import find_abrupt, good_points, repaired
+from .steps_and_glitches import find_abrupt, repaired
 
 _LEAST = 60
 """Fewest points with which steps, glitches and violations of causality can be told from noise."""
@@ -30,10 +28,8 @@ _FAINT = 3e-3
 """Largest relative size of a glitch that may be a weak line of the device: four times an instrument's own error."""
 _SLIGHT = 2 * INSTRUMENT
 """Largest step that the analyzer's accuracy may cause: two standard deviations."""
-_NEXT = 8
-"""Points on either side of a flaw at which a pole may stand for its edges."""
-_COARSE, _UNRESOLVED = 3.0, 2.0
-"""Points per linewidth below which a resonance is hardly resolved, and below which its width cannot be told."""
+_COARSE = 3.0
+"""Points per linewidth below which a resonance is hardly resolved."""
 
 
 @dataclass(frozen=True)
@@ -86,19 +82,15 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
     if noise is None or sweep.frequency.size < _LEAST:
         return sweep, check
     found = find_abrupt(sweep, noise)
-    density = points_per_linewidth(found.fit, sweep.frequency, _beside(found.flaws, sweep.frequency.size))
-    # Poles cannot be narrower than the points: beside a narrower resonance only what is abrupt by itself is certain.
-    unresolved = density is not None and density[0] < _UNRESOLVED
-    flaws = [flaw for flaw in found.flaws if flaw.plain or not unresolved]
-    good = good_points(sweep, flaws)
+    density = found.density
     troubles = [
-        *(_trouble(sweep, flaw) for flaw in flaws),
+        *(_trouble(sweep, flaw) for flaw in found.flaws),
         *(DataIssue("not passive", band, _when(sweep, band)) for band in active_bands(sweep, noise)),
         *(DataIssue("not causal", band, _when(sweep, band)) for band in _not_causal(sweep, noise, found.fit)),
     ]
     if density is not None and density[0] < _COARSE:
         troubles.append(DataIssue("too coarse", (density[1], density[1]), None, density[0]))
-    put = replace(sweep, frequency=sweep.frequency[good], impedance=repaired(sweep, flaws)[good])
+    put = replace(sweep, frequency=sweep.frequency[found.good], impedance=repaired(sweep, found.flaws)[found.good])
     made = replace(
         check,
         noise=float(np.median(noise)),
@@ -107,15 +99,6 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
         troubles=tuple(troubles),
     )
     return put, made
-
-
-def _beside(flaws: Sequence[Glitch], points: int) -> NDArray[np.bool_]:
-    """Return which points are at a flaw or next to one, shape (N,)."""
-    near = np.zeros(points, np.bool_)
-    for flaw in flaws:
-        edges = (flaw.first,) if flaw.is_step(points) else (flaw.first, flaw.stop)
-        near[max(0, min(edges) - _NEXT) : max(edges) + _NEXT] = True
-    return near
 
 
 def _trouble(sweep: Sweep, flaw: Glitch) -> DataIssue:

@@ -12,6 +12,7 @@ from ....models.sweep import Sweep
 from ...engine.noise import resolution
 from .matched_filters import Glitch, adjusted, standing, strongest
 from .pole_fit import Frame, PoleFit, fit_poles, linear_fit, refined
+from .sampling import points_per_linewidth
 
 _SIGNIFICANT = 50.0
 """Score from which a flaw is accepted. In white noise, two numbers at some 6000 places reach 45 in one of a million
@@ -34,6 +35,8 @@ _NARROW = 6.0
 _FAINT = 1e5
 """Decrease of chi2 above which a pole is certainly no glitch: poles cannot imitate a larger one."""
 _BESIDE = 8
+_UNRESOLVED = 2.0
+"""Points per linewidth below which the width of a resonance cannot be told."""
 _PER_POLE, _PART = 15.0, 0.03
 """Extra chi2 (absolute per pole, or relative) by which poles may beat a glitch and still count as its imitation."""
 _ADJUSTED = 6
@@ -49,6 +52,8 @@ class Abrupt:
     fit: PoleFit
     good: NDArray[np.bool_]
     """Points outside all glitches, shape (N,)."""
+    density: tuple[float, float] | None
+    """Fewest points within the width of a resonance apart from the flaws, its frequency (Hz); None without one."""
 
 
 def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
@@ -72,8 +77,25 @@ def find_abrupt(sweep: Sweep, noise: Reals) -> Abrupt:
         _, weakest = min(doubtful)
         flaws = [flaw for k, flaw in enumerate(flaws) if k != weakest]
         fit = fit_poles(_frame(sweep, noise, flaws))
-    sure = [again for again, _ in checked]
-    return Abrupt(tuple(sorted(sure, key=lambda flaw: flaw.first)), fit, good_points(sweep, sure))
+    sure = sorted((again for again, _ in checked), key=lambda flaw: flaw.first)
+    density = points_per_linewidth(fit, sweep.frequency, _beside(sweep, sure))
+    if density is not None and density[0] < _UNRESOLVED:
+        # No pole is narrower than the points: beside a narrower resonance only what is abrupt by itself is certain.
+        sure = [flaw for flaw in sure if flaw.plain]
+    return Abrupt(tuple(sure), fit, good_points(sweep, sure), density)
+
+
+def _beside(sweep: Sweep, flaws: Sequence[Glitch]) -> NDArray[np.bool_]:
+    """Return which points are at a flaw or next to one, where a pole may stand for its edges; shape (N,)."""
+    near = np.zeros(sweep.frequency.size, np.bool_)
+    for flaw in flaws:
+        near[max(0, flaw.first - _BESIDE) : _last(sweep, flaw) + _BESIDE] = True
+    return near
+
+
+def _last(sweep: Sweep, flaw: Glitch) -> int:
+    """Return the index of a flaw's last edge; of a step, its only one."""
+    return flaw.first if flaw.is_step(sweep.frequency.size) else flaw.stop
 
 
 def _settled(
@@ -142,7 +164,7 @@ def _narrow(fit: PoleFit) -> list[list[int]]:
 def _possible(sweep: Sweep, flaw: Glitch) -> bool:
     """Return whether a flaw is larger than rounding or a fluctuating resonance frequency could make it."""
     slopes = np.abs(np.diff(np.log(sweep.impedance * sweep.frequency)))
-    last = flaw.first if flaw.is_step(sweep.frequency.size) else flaw.stop
+    last = _last(sweep, flaw)
     near = slopes[max(0, flaw.first - _SLOPE_OVER) : last + _SLOPE_OVER]
     rounding = float(np.sqrt(12) * np.median(resolution(sweep)[flaw.first : max(last, flaw.first + 1)]))
     return abs(flaw.amplitude) > max(_OF_SLOPE * float(np.median(near)), _OF_ROUNDING * rounding)

@@ -1,12 +1,13 @@
 """Hypotheses: sets of effects, each fitted by its marginal likelihood, and their posterior probabilities."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from ....models.base.arrays import Complexes, Reals
+from ....models.base.errors import PzctlError
 from ....models.effects.base.corrected_constants import Corrections
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
@@ -183,12 +184,21 @@ def at_minimum(
     return _weighed(effects, MarginalFit.at(marginal_of(problem, effects, values), minimum))
 
 
+def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
+    """Return the hypothesis that is made; None if it cannot be computed, physics or covariance."""
+    try:
+        made = make()
+    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        return None
+    return made if np.isfinite(made.log_weight) else None
+
+
 def _weighed(effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     priors = SizePriors(effects, found.marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     # the evidence is that of the minimum of the quadratic expansion, which is far away if a fit has not converged
     tails = min(priors.log_tails(found.x), priors.log_tails(found.x + found.value.step))
-    tails += log_tails_of(found.marginal.objective.prior_deviations(found.x))
+    tails += log_tails_of(found.marginal.objective.prior_deviations(found.values))
     return Hypothesis(tuple(effects), found, tails, priors.log_volume(), odds)
 
 

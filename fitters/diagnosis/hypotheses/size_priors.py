@@ -99,7 +99,7 @@ class SizePriors:
         others = [np.delete(group, np.argmax(z[group])) for group in self._several]
         optional = np.concatenate([*others, self._optional]).astype(np.intp)
         mixed[optional] = (1 - _ABSENT) * mixed[optional] + _ABSENT * self._without(z, optional)
-        return float(np.sum(np.log(np.maximum(mixed, 1e-300)) + z**2 / 2))
+        return _over_normal(mixed, z)
 
     def _without(self, z: Reals, optional: NDArray[np.intp]) -> Reals:
         """Return the evidence without each of these sizes, relative to a prior at its median; they are `z` from there.
@@ -118,7 +118,12 @@ def log_tails_of(z: Reals) -> float:
 
     A dimension of a build may be wrong by more than its uncertainty says.
     """
-    return float(np.sum(np.log(np.maximum(_mixed(z, _GROSS, _WRONG), 1e-300)) + z**2 / 2))
+    return _over_normal(_mixed(z, _GROSS, _WRONG), z)
+
+
+def _over_normal(density: Reals, z: Reals) -> float:
+    """Return ln of densities at z over the normal one, in units of its largest value, summed."""
+    return float(np.sum(np.log(np.maximum(density, 1e-300)) + z**2 / 2))
 
 
 def _mixed(z: Reals, share: float, tail: float) -> Reals:

@@ -9,13 +9,12 @@ from functools import partial
 
 import numpy as np
 
-from ....models.base.errors import PzctlError
 from ....models.effects import EffectParameter
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
 from ..decision_rules import ABSORBED, EXACT_FIRST, EXACT_LATER, LEFT, MOST, NEAR, UNFINISHED, WORTH
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, screened
 
@@ -100,9 +99,5 @@ def _minimum(problem: Problem, parent: Hypothesis, one: Candidate, start: dict[s
 def _fitted(
     problem: Problem, effects: tuple[Candidate, ...], values: Mapping[str, float], *, near: bool = False
 ) -> Hypothesis | None:
-    """Return the fit; None if it cannot be computed, physics or covariance."""
-    try:
-        made = fitted(problem, effects, values, _EXACT, near=near, rounds=1, fixed=True)
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-        return None
-    return made if np.isfinite(made.log_weight) else None
+    """Return the fit; None if it cannot be computed."""
+    return computed(lambda: fitted(problem, effects, values, _EXACT, near=near, rounds=1, fixed=True))

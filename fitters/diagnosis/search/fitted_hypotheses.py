@@ -7,13 +7,12 @@ from weakref import WeakSet
 
 import numpy as np
 
-from ....models.base.errors import PzctlError
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
 from ...interface import FitError
 from ..decision_rules import CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, probabilities
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
 from .plan import Plan
 
@@ -84,36 +83,30 @@ class FittedHypotheses:
     def _at(self, plan: Plan, minimum: Minimum | None) -> Hypothesis | None:
         if minimum is None:
             return None
-        try:
-            return at_minimum(self.problem, plan.effects, plan.values, minimum)
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            return None
+        return computed(lambda: at_minimum(self.problem, plan.effects, plan.values, minimum))
 
     def _fitted(self, plan: Plan) -> Hypothesis | None:
-        """Return the fit; None if it cannot be computed, physics or covariance."""
+        """Return the fit; None if it cannot be computed."""
         null = self.found.get(frozenset())
-        sizes = plan.sizes if null is None else (*plan.sizes, null.fit.sizes)
-        try:
-            made = fitted(
+        return computed(
+            lambda: fitted(
                 self.problem,
                 plan.effects,
                 plan.values,
-                sizes,
+                plan.sizes if null is None else (*plan.sizes, null.fit.sizes),
                 near=plan.near,
                 rounds=plan.rounds,
-                barred=self._barred,
                 fixed=plan.fixed,
                 others=plan.others,
                 compared=plan.compared,
                 about=plan.about,
+                barred=self._barred,
             )
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
-            return None
-        return made if np.isfinite(made.log_weight) else None
+        )
 
     def take(self, made: Hypothesis | None) -> None:
         """Keep a hypothesis unless one of the same effects is better."""
-        if made is not None and np.isfinite(made.log_weight):
+        if made is not None:
             known = self.found.get(made.key)
             if known is None or _better(made, known):
                 self.found[made.key] = made
