@@ -98,7 +98,8 @@ def _diagnosed(task: FitTask, wanted: "_Wanted") -> Diagnosis:
     task = replace(task, sweeps=gated.sweeps)
     problem, choice = _posed(Problem.posed(task, progress, fitter, wanted.hold_out), wanted)
     search = _search(problem, choice, wanted)
-    disk = _FiniteDiameter(task, wanted, problem, search) if _may_show_its_rim(task, fitter, choice) else None
+    bare = search.begin()
+    disk = _FiniteDiameter(task, wanted, problem, search, bare) if _may_show_its_rim(task, fitter, choice) else None
     if disk is not None and (early := disk.before_all_else()) is not None:
         return disk.diagnosed(early, gated, began)
     search.run()
@@ -151,18 +152,23 @@ class _FiniteDiameter:
     wanted: _Wanted
     problem: Problem
     search: GreedySearch
+    bare: Hypothesis
+    """The plate without effects."""
     _tried: tuple[lateral.DiskTried | None, ...] = ()
     """The disk as tried before all else, if that was done."""
 
     @property
     def null(self) -> Refit:
         """The plate without effects."""
-        return as_refit(self.problem, self.search.begin())
+        return as_refit(self.problem, self.bare)
 
     def before_all_else(self) -> lateral.FiniteDisk | None:
         """Return the disk if a plate leaves so much, and the disk so little, that no plate needs to be looked for."""
         null, wanted = self.null, self.wanted
         if not lateral.shows_early(self.task, null) or self._an_effect_may_do():
+            return None
+        self.search.try_each_alone()
+        if not lateral.may_be_left(self.task, self.search.best.unexplained):
             return None
         made = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
         self._tried = (made,)
@@ -172,7 +178,7 @@ class _FiniteDiameter:
     def _an_effect_may_do(self) -> bool:
         """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's."""
         others = [one for one in self.search.candidates if one.effect.name != lateral.NAME]
-        return bool(explaining_most(self.problem, self.search.begin(), others, self.wanted.jobs))
+        return bool(explaining_most(self.problem, self.bare, others, self.wanted.jobs))
 
     def beside(self, final: Hypothesis) -> lateral.FiniteDisk | None:
         """Return the disk if it is more probable than the best plate."""
@@ -203,7 +209,7 @@ class _FiniteDiameter:
         return replace(
             said,
             verdict=verdict,
-            baseline=FitSummary(null.chi2_per_dof, held, constants_of(self.problem, self.search.begin())),
+            baseline=FitSummary(null.chi2_per_dof, held, constants_of(self.problem, self.bare)),
             findings=tuple(findings),
             says=(*_says(verdict, findings, said.remaining), *([_NOT_CARRIED] if wanted.others else [])),
             before=before,

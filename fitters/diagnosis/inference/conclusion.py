@@ -10,7 +10,7 @@ import numpy as np
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.instrument_share import accuracy_of
 from ...error_model.uncertainty_sources import taken_up
-from ..decision_rules import LEFT, NAMED, TOLERATED
+from ..decision_rules import LEFT, NAMED, PARENTS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
@@ -77,19 +77,9 @@ class Conclusion:
 
 
 def conclude(search: GreedySearch) -> Conclusion:
-    """Conclude from the fitted hypotheses: drop effects that are too improbable, and name the others."""
-    null, best = search.found[frozenset()], search.best
-    certainties = Certainties(search)
-    sure = certainties.of(best)
-    while unsure := [one for one in best.effects if sure[one].of_class < NAMED]:
-        best = search.without(best, min(unsure, key=lambda one: sure[one].of_class))
-        sure = certainties.of(best)
-    there = _at_its_places(search, best)
-    if there is not best:
-        sure = certainties.of(there)
-    final = _most_probable_alike(search, there, sure)
-    if final is not there:
-        sure = certainties.of(final)
+    """Conclude from the fitted hypotheses: name what is probable in the one whose effects are most probably there."""
+    null, certainties = search.found[frozenset()], Certainties(search)
+    final, sure = _most_certain(search, certainties)
     moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
     accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)
@@ -121,6 +111,35 @@ def conclude(search: GreedySearch) -> Conclusion:
     return Conclusion(
         null, final, tuple(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
     )
+
+
+def _most_certain(
+    search: GreedySearch, certainties: Certainties
+) -> tuple[Hypothesis, Mapping[Candidate, Certainty]]:
+    """Return the hypothesis whose effects, each more probable than not, are together most certainly there.
+
+    Where look-alikes share a probability, neither the hypothesis of the largest evidence nor the most probable one
+    need have what is certain (median probability model: Barbieri and Berger, Ann. Stat. 32 (2004) 870).
+    """
+    ends = [
+        _without_the_improbable(search, one, certainties)
+        for one in dict.fromkeys((search.best, *search.probable[:PARENTS]))
+    ]
+    there, sure = max(ends, key=lambda end: sum(one.of_class - NAMED for one in end[1].values()))
+    final = _most_probable_alike(search, there, sure)
+    return final, sure if final is there else certainties.of(final)
+
+
+def _without_the_improbable(
+    search: GreedySearch, one: Hypothesis, certainties: Certainties
+) -> tuple[Hypothesis, Mapping[Candidate, Certainty]]:
+    """Return a hypothesis without its improbable effects, the others at their most probable places."""
+    sure = certainties.of(one)
+    while unsure := [effect for effect in one.effects if sure[effect].of_class < NAMED]:
+        one = search.without(one, min(unsure, key=lambda effect: sure[effect].of_class))
+        sure = certainties.of(one)
+    there = _at_its_places(search, one)
+    return there, sure if there is one else certainties.of(there)
 
 
 def _at_its_places(search: GreedySearch, one: Hypothesis) -> Hypothesis:

@@ -22,7 +22,7 @@ from ..decision_rules import (
 from ..hypotheses.changes import change_by
 from ..hypotheses.condensed_recordings import condensed
 from ..hypotheses.hypothesis import Hypothesis, coarseness
-from ..hypotheses.problem import Candidate
+from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
 from .fitted_hypotheses import FittedHypotheses
 from .plan import Plan
@@ -41,6 +41,9 @@ class GreedySearch(FittedHypotheses):
     seeds: tuple[tuple[tuple[Candidate, ...], Mapping[str, float]], ...] = ()
     """Effects with values near their minimum, where that cannot be found from the fit without effects."""
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
+    _begun: bool = False
+    _whole: Problem | None = None
+    """The problem with all recorded points, while the search is done with fewer."""
     _likely: Candidate | None = None
     _grown: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
 
@@ -49,22 +52,30 @@ class GreedySearch(FittedHypotheses):
 
         Dense recordings are condensed; what is in reach in the end is fitted to all points.
         """
-        null, whole = self.begin(), self.problem
-        few = condensed(whole, null.fit.sizes.colour)
-        if few is whole:
-            return self._search(null)
-        self.problem, self.found = replace(few, values=null.values), {}
-        self._search(self.begin())
-        self.fit_again(replace(whole, lines=self.problem.lines))
-        self.polish()
+        self.try_each_alone()
+        self._extend()
+        if self._whole is not None:
+            self.fit_again(replace(self._whole, lines=self.problem.lines))
+            self.polish()
         return self.probable[0]
 
-    def _search(self, null: Hypothesis) -> Hypothesis:
+    def try_each_alone(self) -> None:
+        """Fit the most promising effects alone, each kind at least once; unless that was done before."""
+        if self._begun:
+            return
+        self._begun, null, whole = True, self.begin(), self.problem
+        few = condensed(whole, null.fit.sizes.colour)
+        if few is not whole:
+            self._whole, self.problem, self.found = whole, replace(few, values=null.values), {}
+            null = self.begin()
         self.fit([Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
         if self.best is null:
             self.try_without_errors(null)
             self.account_for_lines()
             self.grow(self.found[frozenset()], FITTED_FIRST)
+
+    def _extend(self) -> None:
+        """Add further effects to what has been found, and put others in their place."""
         self.polish()
         if self.best.effects:
             self.try_without_errors(self.best)
@@ -81,7 +92,6 @@ class GreedySearch(FittedHypotheses):
         self.relocate(self.probable[0])
         self.thin(self.probable[0])
         self.substitute(self.probable[0])
-        return self.probable[0]
 
     def try_without_errors(self, start: Hypothesis) -> None:
         """Look for hypotheses that explain the recordings to their noise without any errors, beginning at `start`."""
