@@ -54,7 +54,7 @@ class Finding:
     same_as: tuple[Alternative, ...] = ()
     """Look-alikes that the recordings cannot distinguish from it."""
     moves: float = float("nan")
-    """Rms change of ln Z that it causes beyond what the constants could do."""
+    """Rms of ln Z that would be unexplained without it, when all else has imitated it as well as it can."""
 
 
 @dataclass(frozen=True)

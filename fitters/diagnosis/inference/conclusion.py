@@ -1,6 +1,6 @@
 """From all fitted hypotheses to a verdict: named effects, their probabilities, look-alikes, and the residual."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -19,7 +19,7 @@ from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
 from ..validation.forecast import Forecast
 from .certainty import Certainties, Certainty, rivals
-from .effect_size import constants_of, largest_of, moves_a_constant, sizes_of
+from .effect_size import constants_of, largest_of, moved, moves_a_constant
 
 Kind = Literal["finding", "remark"]
 
@@ -45,7 +45,7 @@ class Conclusion:
     null: Hypothesis
     final: Hypothesis
     named: tuple[NamedEffect, ...]
-    """Largest rms change of ln Z first."""
+    """That first without which most would be unexplained."""
     remaining: Remaining
     something_left: bool
     """Whether no effect explains a residual larger than the instrument's error."""
@@ -80,11 +80,10 @@ def conclude(search: GreedySearch) -> Conclusion:
     """Conclude from the fitted hypotheses: name what is probable in the one whose effects are most probably there."""
     null, certainties = search.found[frozenset()], Certainties(search)
     final, sure = _most_certain(search, certainties)
-    moves = sizes_of(search.problem, final)
     after = constants_of(search.problem, final)
     accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)
     named: list[NamedEffect] = []
-    for one in sorted(final.effects, key=lambda one: -moves[one]):
+    for one in final.effects:
         without = search.without(final, one)
         sizes = final.fit.sizes
         artefact = one.effect.name == UNKNOWN  # an error of the instrument itself
@@ -99,7 +98,7 @@ def conclude(search: GreedySearch) -> Conclusion:
             NamedEffect(
                 one,
                 sure[one].of_effect,
-                moves[one],
+                moved(final, without),
                 share,
                 "finding" if matters else "remark",
                 without,
@@ -109,8 +108,13 @@ def conclude(search: GreedySearch) -> Conclusion:
         )
     left = final.unexplained > LEFT
     return Conclusion(
-        null, final, tuple(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
+        null, final, in_order(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
     )
+
+
+def in_order(named: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:
+    """Return the effects, that first without which most would be unexplained."""
+    return tuple(sorted(named, key=lambda one: -one.moves))
 
 
 def _most_certain(

@@ -23,9 +23,12 @@ def powers_of(problem: Problem, one: Hypothesis) -> dict[Candidate, Reals]:
     return dict(zip(one.effects, powers.T, strict=True))
 
 
-def sizes_of(problem: Problem, one: Hypothesis) -> dict[Candidate, float]:
-    """Return, by effect, the rms change of ln Z beyond what constants could do."""
-    return {effect: float(np.sqrt(np.mean(power))) for effect, power in powers_of(problem, one).items()}
+def moved(final: Hypothesis, without: Hypothesis) -> float:
+    """Return the rms of ln Z that would be unexplained `without` an effect and is not in the `final` hypothesis.
+
+    All else has then imitated the effect as well as it can: constants, other effects, and usual errors.
+    """
+    return float(np.sqrt(max(0.0, without.unexplained**2 - final.unexplained**2)))
 
 
 def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:

@@ -7,8 +7,8 @@ from ..decision_rules import LEFT
 from ..findings import Alternative
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
-from ..inference.conclusion import Conclusion, NamedEffect, remaining_of
-from ..inference.effect_size import sizes_of
+from ..inference.conclusion import Conclusion, NamedEffect, in_order, remaining_of
+from ..inference.effect_size import moved
 from .drawn_corrections import PlacedCorrection
 from .explanations import Choice
 
@@ -18,14 +18,13 @@ _SAID = 0.01
 
 def concluded(problem: Problem, conclusion: Conclusion, choice: Choice, final: Hypothesis) -> Conclusion:
     """Return the conclusion from the best explanation."""
-    moves = sizes_of(problem, final)
     before = {one.candidate: one for one in conclusion.named}
     one_law = choice.law
     named = [
         NamedEffect(
             one_law.candidate,
             choice.probability,
-            moves[one_law.candidate],
+            moved(final, choice.best.parent),
             _share(choice.best.parent, final),
             "finding",
             choice.best.parent,
@@ -37,10 +36,10 @@ def concluded(problem: Problem, conclusion: Conclusion, choice: Choice, final: H
         without = choice.without(effect) or _less(problem, final, effect)
         share, known = _share(without, final), before.get(effect)
         if known is not None:
-            named.append(replace(known, moves=moves[effect], share=share, without=without))
+            named.append(replace(known, moves=moved(final, without), share=share, without=without))
         else:
             sure = choice.inclusion(effect)
-            named.append(NamedEffect(effect, sure, moves[effect], share, "finding", without, (), ()))
+            named.append(NamedEffect(effect, sure, moved(final, without), share, "finding", without, (), ()))
     return _with(conclusion, final, named)
 
 
@@ -49,7 +48,7 @@ def concluded_without_law(problem: Problem, conclusion: Conclusion, choice: Choi
 
     The conclusion before left something: smooth errors of its effects' formulas had absorbed what others explain.
     """
-    moves, known = sizes_of(problem, found), {one.candidate: one for one in conclusion.named}
+    known = [one.candidate for one in conclusion.named]
     others = [one for one in known if one not in found.effects]
     instead = [Alternative(one.effect.name, one.where, choice.inclusion(one)) for one in others]
     said = tuple(one for one in instead if one.probability > _SAID)
@@ -57,7 +56,7 @@ def concluded_without_law(problem: Problem, conclusion: Conclusion, choice: Choi
     for effect in found.effects:
         less = _less(problem, found, effect)
         sure, share = choice.inclusion(effect), _share(less, found)
-        named.append(NamedEffect(effect, sure, moves[effect], share, "finding", less, (), said))
+        named.append(NamedEffect(effect, sure, moved(found, less), share, "finding", less, (), said))
     return _with(conclusion, found, named)
 
 
@@ -66,7 +65,7 @@ def _with(conclusion: Conclusion, final: Hypothesis, named: Sequence[NamedEffect
     return replace(
         conclusion,
         final=final,
-        named=tuple(sorted(named, key=lambda one: -one.moves)),
+        named=in_order(named),
         remaining=remaining_of(final),
         something_left=final.unexplained > LEFT,
         nearest=None,

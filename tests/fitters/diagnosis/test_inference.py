@@ -24,8 +24,9 @@ from pzctl.fitters.diagnosis.inference.effect_size import (
     change_by,
     constants_of,
     largest_of,
+    moved,
     moves_a_constant,
-    sizes_of,
+    powers_of,
 )
 from pzctl.fitters.diagnosis.inference.finite_diameter import FiniteDisk, beside, tried
 from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
@@ -42,6 +43,15 @@ def test_the_true_effect_is_found_with_its_size(lead_case) -> None:
     assert named.share > 0.99
     assert found.verdict == "explained"
     assert not found.something_left
+
+
+def test_an_effect_moves_what_all_else_leaves_unexplained_without_it(lead_case) -> None:
+    search = lead_case.search
+    null, alone = search.found[frozenset()], search.found[frozenset({lead_case.lead})]
+    plain = float(np.sqrt(np.mean(np.abs(np.concatenate(null.fit.left_by_the_model)) ** 2)))
+    # usual errors of instrument, fixture and constants imitate part of a lead, but not most of it
+    assert 0.2 * plain < moved(alone, null) < plain
+    assert moved(null, alone) == 0
 
 
 def test_an_unexplained_misfit_is_reported_as_unexplained(lead_case) -> None:
@@ -61,8 +71,8 @@ def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(l
     assert np.median(np.abs(change - told)) < 0.02 * np.median(np.abs(told))
     (left,) = best.projected([[change]]).T
     assert np.linalg.norm(left) < np.linalg.norm(change)
-    rms, largest = sizes_of(problem, best)[lead], largest_of(problem, best, lead)
-    assert rms == pytest.approx(np.linalg.norm(left) / np.sqrt(sweep.frequency.size))
+    power, largest = powers_of(problem, best)[lead], largest_of(problem, best, lead)
+    assert np.sqrt(power.sum()) == pytest.approx(np.linalg.norm(left))
     assert largest == pytest.approx(np.max(np.abs(left)))
 
 
