@@ -106,9 +106,14 @@ def conclude(search: GreedySearch) -> Conclusion:
                 others,
             )
         )
-    left = final.unexplained > LEFT
     return Conclusion(
-        null, final, in_order(named), remaining_of(final), left, _something_else(search, final.key), _nearest(search, null)
+        null=null,
+        final=final,
+        named=in_order(named),
+        remaining=remaining_of(final),
+        something_left=final.unexplained > LEFT,
+        something_else=_something_else(search, final.key),
+        nearest=_nearest(search, null),
     )
 
 
@@ -117,9 +122,7 @@ def in_order(named: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:
     return tuple(sorted(named, key=lambda one: -one.moves))
 
 
-def _most_certain(
-    search: GreedySearch, certainties: Certainties
-) -> tuple[Hypothesis, Mapping[Candidate, Certainty]]:
+def _most_certain(search: GreedySearch, certainties: Certainties) -> tuple[Hypothesis, Mapping[Candidate, Certainty]]:
     """Return the hypothesis whose effects, each more probable than not, are together most certainly there.
 
     Where look-alikes share a probability, neither the hypothesis of the largest evidence nor the most probable one
