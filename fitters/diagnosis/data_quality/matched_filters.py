@@ -65,9 +65,11 @@ def standing(fit: PoleFit, flaw: Glitch) -> Glitch:
     search = _Search.of(fit)
     if not flaw.is_step(search.residual.size):
         return search.best(np.array([flaw.first]), np.array([flaw.stop]), _GLITCH_SURVIVES)
-    aa, bb, ab = (float(part[0]) for part in search.information(np.array([flaw.first]), np.array([flaw.stop])))
-    a, b = flaw.amplitude.real, flaw.amplitude.imag
-    raw = aa * a**2 + 2 * ab * a * b + bb * b**2
+    step = stacked(np.where(np.arange(search.residual.size) >= flaw.first, flaw.amplitude * fit.frame.inverse, 0.0))
+    # a step is known to be there, so that its information is needed even where the columns are nearly dependent
+    basis = _directions(search.basis)
+    outside = step - basis @ (basis.T @ step)
+    raw = float(outside @ outside)
     near = slice(max(0, flaw.first - _NEAR), flaw.first + _NEAR)
     return replace(flaw, raw=raw, score=raw / _worth(search.residual[near][fit.frame.inverse[near] > 0]))
 
