@@ -30,7 +30,12 @@ of instrument or model; number of further rounds until then, at most."""
 _RELAXATION = 0.5
 """Part of the way to the minimum with columns of where it began: the minimum with those of where it ends may lie on the
 other side, and so on for ever."""
-_DAMPED, _RELAXED = 10.0, 0.1
+_DAMPED, _RELAXED = 4.0, 1 / 3
+"""Factors of damping after a step that fails for the first time, and at least after one that brings what it should."""
+_LEAST, _UNDAMPED = 3e-3, 1e-4
+"""Damping, in units of the information, from which a step differs, and below which there is none."""
+_SHORT = 3
+"""Number of short steps in succession after which a descent ends in a curved valley."""
 _WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
 _FURTHEST = 1.5
@@ -130,13 +135,24 @@ class MarginalFit:
 
     @property
     def converged(self) -> bool:
-        """Whether the last descent ended at a minimum."""
-        return self.minimum.converged
+        """Whether the last descent ended at a minimum, and little is promised beside it."""
+        return self.minimum.converged and self.promised == 0
 
     @property
     def log_evidence(self) -> float:
-        """Logarithm of the marginal likelihood, up to a constant common to all fits of the same recordings."""
-        return self.value.log_evidence
+        """Logarithm of the marginal likelihood about where the fit ended.
+
+        Up to a constant that is common to all fits of the same recordings.
+        """
+        return self.value.log_evidence - self.promised
+
+    @property
+    def promised(self) -> float:
+        """What the quadratic expansion promises of ln evidence beyond what a fit that has settled may still gain.
+
+        It does not count: where a fit has not converged, the minimum is where nothing is nearly quadratic any more.
+        """
+        return max(0.0, 0.5 * float(self.value.step @ self.value.H @ self.value.step) - _SETTLED)
 
     @cached_property
     def shortfall(self) -> float:
@@ -301,27 +317,35 @@ def _recorrected(marginal: Marginal, x: Reals, made: Gram, sizes: ErrorSizes) ->
 
 
 def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:
-    """Minimise by Levenberg-Marquardt with columns and sizes fixed; return the point and the number of steps."""
-    damping, used = 0.0, 0
+    """Minimise by Levenberg-Marquardt with columns and sizes fixed; return the point and the number of steps.
+
+    Damping follows how much of the expected fall a step has brought (H. B. Nielsen, Damping parameter in Marquardt's
+    method, IMM-REP-1999-05). In a curved valley all damped steps are short, and none means that the minimum is near.
+    """
+    damping, growth, short, used = 0.0, _DAMPED, 0, 0
     value = marginal.value(x, held)
     for _ in range(most):
-        step = value.step if damping == 0 else _damped(value, damping)
-        if float(step @ value.H @ step) < close:
+        if float(value.step @ value.H @ value.step) < close or short > _SHORT:
             break
+        step = value.step if damping == 0 else _damped(value, damping)
         step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
         used += 1
         fall = value.here - held.here(marginal.residuals(x + step), marginal.against(x + step))
         if fall > 0:
             x = x + step
-            damping = 0.0 if damping < 1e-2 else damping * _RELAXED
-            if fall < close:
+            if damping == 0 and fall < close:
                 break
+            expected = float((2 * value.step - step) @ value.H @ step)
+            part = min(fall / max(expected, 1e-300), 1.0)
+            damping, growth = damping * max(_RELAXED, 1 - (2 * part - 1) ** 3), _DAMPED
+            damping = damping if damping > _UNDAMPED else 0.0
+            short = short + 1 if fall < close else 0
             try:
                 value = marginal.value(x, held)
             except np.linalg.LinAlgError:
                 break
         else:
-            damping = 1e-2 if damping == 0 else damping * _DAMPED
+            damping, growth = max(damping, _LEAST) * growth, 2 * growth
             if damping > 1e6:
                 break
     return x, used

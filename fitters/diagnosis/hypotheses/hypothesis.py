@@ -196,9 +196,7 @@ def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
 def _weighed(effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     priors = SizePriors(effects, found.marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
-    # the evidence is that of the minimum of the quadratic expansion, which is far away if a fit has not converged
-    tails = min(priors.log_tails(found.x), priors.log_tails(found.x + found.value.step))
-    tails += log_tails_of(found.marginal.objective.prior_deviations(found.values))
+    tails = priors.log_tails(found.x) + log_tails_of(found.marginal.objective.prior_deviations(found.values))
     return Hypothesis(tuple(effects), found, tails, priors.log_volume(), odds)
 
 

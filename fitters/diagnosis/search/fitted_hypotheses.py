@@ -65,16 +65,39 @@ class FittedHypotheses:
         return null
 
     def fit(self, plans: Sequence[Plan]) -> None:
-        """Fit all these, and keep each hypothesis unless one of the same effects is better."""
-        if self.jobs == 1:
-            made = [self._fitted(plan) for plan in plans]
-        else:
-            minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
-            made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
-        for one in made:
+        """Fit all these, and keep each hypothesis unless one of the same effects is better.
+
+        A fit that would be the best one if it kept its promise goes on as long as that helps.
+        """
+        made = {k: one for k, one in enumerate(self._made(plans)) if one is not None}
+        unfinished = made
+        for _ in range(UNFINISHED):
+            least = self.best.log_weight
+            unfinished = {
+                k: one
+                for k, one in unfinished.items()
+                if one.fit.promised > 0 and one.log_weight + one.fit.promised > least
+            }
+            if not unfinished:
+                break
+            again = self._made([Plan.after(one, (one.fit.sizes,), rounds=1) for one in unfinished.values()])
+            further = {
+                k: one
+                for k, one in zip(unfinished, again, strict=True)
+                if one is not None and one.log_weight > made[k].log_weight + CLASS_NATS
+            }
+            made, unfinished = made | further, further
+        for one in made.values():
             self.take(one)
         for one in self.ranked[HELD_READY:]:
             one.fit.forget()
+
+    def _made(self, plans: Sequence[Plan]) -> list[Hypothesis | None]:
+        """Return the fits; None for each that cannot be computed."""
+        if self.jobs == 1:
+            return [self._fitted(plan) for plan in plans]
+        minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
+        return [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
 
     def _minimum(self, plan: Plan) -> Minimum | None:
         made = self._fitted(plan)
@@ -121,7 +144,7 @@ class FittedHypotheses:
         """Continue the fits of the best hypotheses to convergence."""
         for _ in range(POLISHED):
             likely = [one for one in self.ranked[:POLISHED] if one.log_weight > self.best.log_weight - NEAR]
-            unfinished = [one for one in self._in_reach(self.ranked[:UNFINISHED]) if not one.fit.converged]
+            unfinished = [one for one in self._promising() if not one.fit.converged]
             again = [one for one in dict.fromkeys((*likely, *unfinished)) if one.key not in self._fine]
             if not again:
                 break
@@ -183,25 +206,22 @@ class FittedHypotheses:
             self.take(self._at(Plan.after(one, ()), one.fit.minimum))
         self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in self._in_reach(self.ranked) if one.effects])
 
+    def _promising(self) -> list[Hypothesis]:
+        """Return the hypotheses in reach that would be best if their fits kept their promises."""
+        most = sorted(self.found.values(), key=lambda one: -one.log_weight - one.fit.promised)
+        return self._in_reach(most[:UNFINISHED])
+
     def _in_reach(self, some: Sequence[Hypothesis]) -> list[Hypothesis]:
         """Return those of some hypotheses that are not impossible beside the best one, or may not be after a refit."""
-        best = self.best
-        return [one for one in some if one.log_weight > best.log_weight - NEAR * best.coarseness]
+        least = self.best.log_weight - NEAR * self.best.coarseness
+        return [one for one in some if one.log_weight + one.fit.promised > least]
 
 
 def _better(made: Hypothesis, known: Hypothesis) -> bool:
-    """Return whether a fit replaces another one with the same effects.
-
-    With the same sizes of errors the one that ended lower does: its evidence is extrapolated over a shorter way.
-    """
+    """Return whether a fit replaces another one with the same effects; with the same errors the lower one does."""
     if made.fit.sizes == known.fit.sizes:
         return made.fit.value.here < known.fit.value.here
-    return made.log_weight - _extrapolated(made) > known.log_weight - _extrapolated(known)
-
-
-def _extrapolated(one: Hypothesis) -> float:
-    """Return the uncertainty of ln evidence, in nats: where a fit has not converged, it is extrapolated by one step."""
-    return 0.0 if one.fit.converged else 1.0
+    return made.log_weight > known.log_weight
 
 
 def _restart(one: Hypothesis) -> tuple[ErrorSizes, ...]:

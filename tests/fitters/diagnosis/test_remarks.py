@@ -57,7 +57,7 @@ def test_errors_that_a_verdict_relies_on_are_told_and_drawn() -> None:
     diagnosis = with_lead(2e-8, accuracy)
     assert [one.effect for one in diagnosis.findings] == ["lead-inductance"]
     assert diagnosis.result.says[0].endswith("the usual errors of instrument and device explain the whole difference.")
-    assert diagnosis.result.says[-1].startswith("The fit leaves 0.0")
+    assert diagnosis.result.says[-1].startswith("The fit leaves 0.")
     (curve,) = diagnosis.result.after
     assert curve.explained is not None
     assert np.std(np.log(curve.fitted / curve.measured)) > 0.1 * accuracy
