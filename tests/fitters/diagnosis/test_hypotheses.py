@@ -177,6 +177,18 @@ def weighed(evidence: float, odds: float, shortfall: float, prior: float = 0.0, 
     return SimpleNamespace(log_evidence=evidence, log_odds=odds, log_weight=weight, coarseness=coarse, **known)
 
 
+def test_a_fit_that_has_not_arrived_is_not_credited_with_what_it_promises(lead_case) -> None:
+    problem, best, lead = lead_case.problem, lead_case.search.best, lead_case.lead
+    off = {**best.values, lead.parameters[0]: 1.5 * best.values[lead.parameters[0]]}
+    begun, arrived = (fitted(problem, (lead,), off, near=True, rounds=rounds, fixed=True) for rounds in (0, 5))
+    missing = arrived.log_evidence - begun.log_evidence
+    assert missing > 1000
+    assert begun.fit.promised == pytest.approx(missing, rel=0.05)
+    assert not begun.fit.converged
+    assert arrived.fit.converged
+    assert arrived.fit.promised == 0
+
+
 def test_what_is_known_beforehand_of_a_size_counts_in_full_however_coarse_the_evidence() -> None:
     usual, thrice = probabilities([weighed(0.0, 0.0, 1e3), weighed(0.0, 0.0, 1e3, prior=np.log(1 / 3))])
     assert usual / thrice == pytest.approx(3 ** (1 - 1 / coarseness(1e3)))
