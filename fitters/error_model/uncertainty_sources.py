@@ -109,7 +109,8 @@ class AttributedErrors:
     """Of a plausible size; what goes beyond it counts as an error of the model."""
     model: tuple[Complexes, ...]
     usual: tuple[Complexes, ...]
-    """Imperfections that every device has: weak lines, and losses that change over the band."""
+    """Imperfections that every device has: weak lines, losses that change over the band, and values of the build that
+    are off by no more than their tolerance."""
     left: tuple[Complexes, ...]
     """ln(Z_model/Z) minus all of these."""
 
@@ -129,7 +130,8 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
     a = d * np.linalg.solve(S, d * c.times(r)[:, 0])
     plausible = {name: _plausible(*one) for name, one in found.deviations.items()}
     instrument = np.array([plausible[part] if part in _INSTRUMENT else 0.0 for part in columns.parts])
-    usual = _usual_share(columns, sizes)
+    held = np.array([plausible[part] if part == "held" else 0.0 for part in columns.parts])
+    usual = _usual_share(columns, sizes) + held
 
     def share(part: Reals) -> tuple[Complexes, ...]:
         return tuple(b @ (part * a) for b in columns.blocks)
