@@ -78,7 +78,7 @@ class Conclusion:
 
 def conclude(search: GreedySearch) -> Conclusion:
     """Conclude from the fitted hypotheses: name what is probable in the one whose effects are most probably there."""
-    null, certainties = search.found[frozenset()], Certainties(search)
+    null, certainties = search.null, Certainties(search)
     final, sure = _most_certain(search, certainties)
     after = constants_of(search.problem, final)
     accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)

@@ -32,6 +32,11 @@ class FittedHypotheses:
     _continued: WeakSet[Hypothesis] = field(default_factory=WeakSet[Hypothesis], kw_only=True)
 
     @property
+    def null(self) -> Hypothesis:
+        """The hypothesis without effects, once it is fitted."""
+        return self.found[frozenset()]
+
+    @property
     def ranked(self) -> list[Hypothesis]:
         """The hypotheses, that of the largest evidence times prior odds first."""
         return sorted(self.found.values(), key=lambda one: -one.log_weight)
@@ -59,7 +64,7 @@ class FittedHypotheses:
     def begin(self) -> Hypothesis:
         """Fit the hypothesis without effects, unless that was done before."""
         if frozenset() in self.found:
-            return self.found[frozenset()]
+            return self.null
         null = fitted(self.problem, (), self.problem.values, near=True, rounds=5)
         self.found[null.key] = null
         return null
@@ -198,7 +203,7 @@ class FittedHypotheses:
     def fit_again(self, problem: Problem) -> None:
         """Fit the best hypotheses again, to other recordings or with another error model."""
         self.problem = problem
-        null, again = self.found[frozenset()], [one for one in self.ranked[:RECHECKED] if one.effects]
+        null, again = self.null, [one for one in self.ranked[:RECHECKED] if one.effects]
         sizes = null.fit.sizes, ErrorSizes()
         after, anew = Plan.after(null, sizes), Plan((), null.values, sizes, compared=True)
         self.found = {null.key: self._first((after, replace(anew, near=True), anew))}

@@ -72,7 +72,7 @@ class GreedySearch(FittedHypotheses):
         if self.best is null:
             self.try_without_errors(null)
             self.account_for_lines()
-            self.grow(self.found[frozenset()], FITTED_FIRST)
+            self.grow(self.null, FITTED_FIRST)
 
     def _extend(self) -> None:
         """Add further effects to what has been found, and put others in their place."""
@@ -162,7 +162,7 @@ class GreedySearch(FittedHypotheses):
         """
         best, within, likely = self.best, CLASS_NATS, list[Hypothesis]()
         if best.fit.shortfall > NEAR:
-            better = (one for one in self.ranked if one.log_weight > self.found[frozenset()].log_weight)
+            better = (one for one in self.ranked if one.log_weight > self.null.log_weight)
             within, likely = NEAR, [one for one in better if self._likely in one.effects][:1]
         probable = self.posterior[:PARENTS]
         near = [one for one, part in probable if part > probable[0][1] * np.exp(-within)]
@@ -177,7 +177,7 @@ class GreedySearch(FittedHypotheses):
 
         An effect that explains most of what several do together hides each of them: beside it, none promises anything.
         """
-        null, taken = self.found[frozenset()].log_evidence, {one.effect.name for one in best.effects}
+        null, taken = self.null.log_evidence, {one.effect.name for one in best.effects}
         others = [one for one in self.ranked if not taken & {its.effect.name for its in one.effects}][:1]
         return [one for one in others if one.log_evidence - null > NAMED * (best.log_evidence - null)]
 

@@ -42,7 +42,7 @@ class LeadCase:
     @property
     def null(self) -> Refit:
         """The fit without effects, with noise as the only error."""
-        return as_refit(self.problem, self.search.found[frozenset()])
+        return as_refit(self.problem, self.search.null)
 
     @property
     def final(self) -> Refit:

@@ -161,7 +161,7 @@ def test_devices_have_the_conditions_of_their_sweep(lead_case) -> None:
 
 def test_a_true_effect_has_the_highest_evidence_and_its_true_size(lead_case) -> None:
     problem, lead = lead_case.problem, lead_case.lead
-    null = lead_case.search.found[frozenset()]
+    null = lead_case.search.null
     start = {lead.prefix + "inductance": 1e-8, lead.prefix + "resistance": 1e-3}
     made = fitted(problem, (lead,), {**null.values, **start})
     assert made.key == {lead}
@@ -195,7 +195,7 @@ def test_what_is_known_beforehand_of_a_size_counts_in_full_however_coarse_the_ev
 
 
 def test_leaving_more_than_a_good_device_does_costs_the_odds_of_a_cause_of_its_own(lead_case) -> None:
-    null = lead_case.search.found[frozenset()]
+    null = lead_case.search.null
     assert null.unexplained > 3 * LEFT
     assert null.log_left == pytest.approx(np.log(ODDS), rel=0.1)
     assert lead_case.search.best.log_left == pytest.approx(0, abs=0.05)

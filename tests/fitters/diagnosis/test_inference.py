@@ -47,7 +47,7 @@ def test_the_true_effect_is_found_with_its_size(lead_case) -> None:
 
 def test_an_effect_moves_what_all_else_leaves_unexplained_without_it(lead_case) -> None:
     search = lead_case.search
-    null, alone = search.found[frozenset()], search.found[frozenset({lead_case.lead})]
+    null, alone = search.null, search.found[frozenset({lead_case.lead})]
     plain = float(np.sqrt(np.mean(np.abs(np.concatenate(null.fit.left_by_the_model)) ** 2)))
     # usual errors of instrument, fixture and constants imitate part of a lead, but not most of it
     assert 0.2 * plain < moved(alone, null) < plain
@@ -78,7 +78,7 @@ def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(l
 
 def test_constants_are_correct_only_with_the_effect(lead_case) -> None:
     problem, search = lead_case.problem, lead_case.search
-    right, wrong = (constants_of(problem, one) for one in (search.best, search.found[frozenset()]))
+    right, wrong = (constants_of(problem, one) for one in (search.best, search.null))
     true = lead_case.stack.parameters()
     for name in ("c33D", "h33", "eps33S"):
         own = right[f"disk.{name}"]
@@ -89,7 +89,7 @@ def test_constants_are_correct_only_with_the_effect(lead_case) -> None:
 
 
 def test_doubt_about_what_is_present_widens_the_uncertainties(lead_case) -> None:
-    problem, best, null = lead_case.problem, lead_case.search.best, lead_case.search.found[frozenset()]
+    problem, best, null = lead_case.problem, lead_case.search.best, lead_case.search.null
     as_good = replace(null, log_odds=null.log_odds + best.log_weight - null.log_weight)
     part, other = probabilities([best, as_good])
     assert 0.01 < other < 0.99

@@ -24,7 +24,7 @@ EITHER = EffectParameter("gain", "1", typical=1.0, lower=-5.0, upper=5.0)
 
 
 def test_screening_ranks_the_true_effect_first_and_names_its_equivalents(lead_case) -> None:
-    null = lead_case.search.found[frozenset()]
+    null = lead_case.search.null
     for promises in screened(lead_case.problem, null, lead_case.candidates):
         gains = [one.gain for one in promises]
         assert gains == sorted(gains, reverse=True)
@@ -130,7 +130,7 @@ def test_the_search_finds_the_true_effect_and_nothing_else(lead_case) -> None:
     assert search.ranked[0] is search.best
     assert search.inclusion({"lead-inductance"}) > 0.99
     assert search.inclusion({"electrode-mass", "leakage"}) < 0.1
-    assert search.without(search.best, lead_case.lead) is search.found[frozenset()]
+    assert search.without(search.best, lead_case.lead) is search.null
 
 
 def test_without_candidates_the_search_finds_nothing(lead_case) -> None:
