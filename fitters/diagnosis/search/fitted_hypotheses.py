@@ -85,7 +85,7 @@ class FittedHypotheses:
             }
             if not unfinished:
                 break
-            again = self._made([Plan.after(one, (one.fit.sizes,), rounds=1) for one in unfinished.values()])
+            again = self._made([_further(one) for one in unfinished.values()])
             further = {
                 k: one
                 for k, one in zip(unfinished, again, strict=True)
@@ -227,6 +227,11 @@ def _better(made: Hypothesis, known: Hypothesis) -> bool:
     if made.fit.sizes == known.fit.sizes:
         return made.fit.value.here < known.fit.value.here
     return made.log_weight > known.log_weight
+
+
+def _further(one: Hypothesis) -> Plan:
+    """Return one more descent of a fit."""
+    return replace(Plan.after(one, (one.fit.sizes,), rounds=1), compared=False)
 
 
 def _restart(one: Hypothesis) -> tuple[ErrorSizes, ...]:

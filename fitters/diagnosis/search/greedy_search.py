@@ -81,12 +81,12 @@ class GreedySearch(FittedHypotheses):
             self.try_without_errors(self.best)
         self.account_for_lines()
         for _ in range(MOST - 1):
-            before = {self.probable[0].key, self.best.key}
+            before, least = self.probable[0].key, self.best.log_weight + self.best.coarseness
             for parent in self._parents():
                 self.grow(parent, FITTED_LATER)
             self.polish()
             # while much is missing all are about as probable: then the evidence tells whether anything was gained
-            if {self.probable[0].key, self.best.key} == before:
+            if self.probable[0].key == before and self.best.log_weight < least:
                 break
         self.account_for_lines()
         self.relocate(self.probable[0])
