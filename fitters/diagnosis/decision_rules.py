@@ -29,12 +29,12 @@ ABSORBED = 0.1
 """Part of an effect's change that the constants leave, below which its gain says little: what decides is of second
 order, and the effect is fitted whatever its gain."""
 UNFINISHED = 5
-"""Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of the best
-one: a probability is computed from how well it describes the recordings where it ended."""
+"""Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of one: a
+probability is computed from how well it describes the recordings where it ended."""
 NEAR = 12.0
 """ln odds within which a hypothesis is kept; anything further behind has a probability below 1e-5."""
 PARENTS = 3
-"""Budget: number of best hypotheses that are extended by one more effect."""
+"""Budget: number of best hypotheses that are extended by one more effect, and from which a conclusion is drawn."""
 SUBSTITUTES = 3
 """Budget: substitutes fitted for each effect of the best hypothesis: as many that promise most, and look-alikes."""
 RESEMBLING = 0.5
