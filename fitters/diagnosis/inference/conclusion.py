@@ -126,12 +126,12 @@ def _most_certain(search: GreedySearch, certainties: Certainties) -> tuple[Hypot
     """Return the hypothesis whose effects, each more probable than not, are together most certainly there.
 
     Where look-alikes share a probability, neither the hypothesis of the largest evidence nor the most probable one
-    need have what is certain (median probability model: Barbieri and Berger, Ann. Stat. 32 (2004) 870).
+    need have what is certain (median probability model: Barbieri and Berger, Ann. Stat. 32 (2004) 870). One that is
+    less probable than no effect at all is no start: look-alikes that nothing shows would add up to something.
     """
-    ends = [
-        _without_the_improbable(search, one, certainties)
-        for one in dict.fromkeys((search.best, *search.probable[:PARENTS]))
-    ]
+    probable = search.probable
+    more = probable[: min(probable.index(search.null), PARENTS)]
+    ends = [_without_the_improbable(search, one, certainties) for one in dict.fromkeys((search.best, *more))]
     there, sure = max(ends, key=lambda end: sum(one.of_class - NAMED for one in end[1].values()))
     final = _most_probable_alike(search, there, sure)
     return final, sure if final is there else certainties.of(final)
