@@ -95,15 +95,8 @@ class Hypothesis:
         return self.log_evidence + self.log_odds
 
     def others(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates that can stand beside its effects.
-
-        None of an effect at a place where it has it, and of those that divide the face into strips only one: the strips
-        of two would multiply.
-        """
-        taken = {(one.effect.name, one.where) for one in self.effects}
-        divided = any(one.effect.divides for one in self.effects)
-        left = (one for one in candidates if not (divided and one.effect.divides))
-        return [one for one in left if (one.effect.name, one.where) not in taken]
+        """Return the candidates that can stand beside its effects."""
+        return beside(self.effects, candidates)
 
     @cached_property
     def values(self) -> dict[str, float]:
@@ -119,6 +112,18 @@ class Hypothesis:
     def objective(self) -> Objective:
         """The objective, weighted by noise alone."""
         return self.fit.marginal.objective
+
+
+def beside(effects: Sequence[Candidate], candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return the candidates that can stand beside these effects.
+
+    None of an effect at a place where one of them is, and of those that divide the face into strips only one: the
+    strips of two would multiply.
+    """
+    taken = {(one.effect.name, one.where) for one in effects}
+    divided = any(one.effect.divides for one in effects)
+    left = (one for one in candidates if not (divided and one.effect.divides))
+    return [one for one in left if (one.effect.name, one.where) not in taken]
 
 
 def coordinates_with(problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:

@@ -21,7 +21,7 @@ from ..decision_rules import (
 )
 from ..hypotheses.changes import change_by
 from ..hypotheses.condensed_recordings import condensed
-from ..hypotheses.hypothesis import Hypothesis, coarseness
+from ..hypotheses.hypothesis import Hypothesis, beside, coarseness
 from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
 from .fitted_hypotheses import FittedHypotheses
@@ -143,8 +143,8 @@ class GreedySearch(FittedHypotheses):
         for effect in one.effects:
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
             rest = tuple(other for other in one.effects if other is not effect)
-            for other in self.candidates:
-                if other.effect is not effect.effect or other in one.effects or (other.where, other.steps) in twins:
+            for other in beside(rest, self.candidates):
+                if other.effect is not effect.effect or other is effect or (other.where, other.steps) in twins:
                     continue
                 if frozenset((*rest, other)) in self.found:
                     continue
@@ -199,8 +199,8 @@ class GreedySearch(FittedHypotheses):
             chosen = {**_of_each_kind(lists[0]), **chosen}
         if like is not None:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
-        beside = ", ".join(one.effect.name for one in parent.effects)
-        self.progress(f"trying {len(chosen)} effects{f' beside {beside}' if beside else ''}")
+        names = ", ".join(one.effect.name for one in parent.effects)
+        self.progress(f"trying {len(chosen)} effects{f' beside {names}' if names else ''}")
         if parent.effects:
             self.fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
             # What promises much where the misfit counts as noise may need constants that are not near these.

@@ -19,7 +19,9 @@ from pzctl.fitters.diagnosis.hypotheses.hypothesis import coarseness, fitted, pr
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
 from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.hypotheses.size_priors import SizePriors, block_of, log_tails_of, shown, width
+from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Device, EffectParameter, catalogue
 from pzctl.models.sweep import Sweep
@@ -49,12 +51,18 @@ def test_an_effect_is_tried_at_all_its_places(lead_case) -> None:
     assert {one.effect.name for one in candidates(lead_case.problem)} <= {effect.name for effect in catalogue()}
 
 
-def test_between_two_steps_a_clip_may_change_but_a_bond_stays(cases) -> None:
+@pytest.fixture(scope="module")
+def two_steps(cases) -> Problem:
+    """A disk before and after a layer was glued to it."""
     files = json.loads((cases / "truth.json").read_text())["glue-null"]["files"]
     folder = cases / "glue-null"
     sweeps = {step: tuple(read_recording(folder / file) for file in of) for step, of in files.items()}
     task = FitTask(read_build(folder / "build.toml"), sweeps)
-    problem = Problem.of(solve(task, lambda _: None), None)
+    return Problem.of(solve(task, lambda _: None), None)
+
+
+def test_between_two_steps_a_clip_may_change_but_a_bond_stays(two_steps) -> None:
+    problem = two_steps
     first, last = problem.steps
     steps = {}
     for one in candidates(problem, ("lead-inductance", "bond-layer", "face-load")):
@@ -63,6 +71,25 @@ def test_between_two_steps_a_clip_may_change_but_a_bond_stays(cases) -> None:
     assert all(of[-1] == last for of in steps["bond-layer", "interface"])
     fronts = [one.steps for one in candidates(problem, ("face-load",)) if one.where == "face:front"]
     assert sorted(fronts) == sorted([(first,), (last,)]), "the front of a step is inside the next one"
+
+
+def test_an_effect_is_moved_to_no_place_where_there_is_one_of_its_kind(two_steps, monkeypatch) -> None:
+    every = candidates(two_steps, ("face-load", "lead-inductance"))
+    (back,) = (one for one in every if one.where == "face:back")
+    (front, _) = (one for one in every if one.where == "face:front")
+    (lead, *_) = [one for one in every if one.where == "terminals" and one.steps == two_steps.steps]
+    search = GreedySearch(two_steps, every)
+    planned = []
+    monkeypatch.setattr(search, "fit", planned.extend)
+    monkeypatch.setattr(search, "polish", lambda: None)
+    values = {name: 1.0 for one in (front, back, lead) for name in one.parameters}
+    search.relocate(
+        SimpleNamespace(effects=(front, back, lead), values=values, fit=SimpleNamespace(sizes=ErrorSizes()))
+    )
+    assert planned
+    for plan in planned:
+        places = [(one.effect.name, one.where) for one in plan.effects]
+        assert len(set(places)) == len(places)
 
 
 def test_a_further_resonance_is_searched_for_within_the_recording(lead_case) -> None:
