@@ -1,15 +1,25 @@
-"""`bond-void`: part of the bond area transmits no stress (air pockets, debonding)."""
+"""`bond-void`: part of the bond area transmits no stress (air pockets, debonding), and its rim little."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..stack import AIR, Piezo, Stack
+import numpy as np
+
+from ..stack import AIR, Piezo, Spring, Stack
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage, interface_at, interfaces
+from .base.scale import acoustic_impedance, resonance
+
+_HOLDS = 0.3
+"""Spring of the rim while there is none."""
+_SCAN = (0.1, 0.4, 1.5)
+"""Start values: each lets the rim resonate at a frequency of its own."""
+_Q = 10.0
+"""Quality factor of the rim's spring: glue that has not set well, or was torn."""
 
 
 class BondVoid(Effect):
-    """Y = (1 - phi) Y(bonded) + phi Y(free): the resonance of the unbonded part reappears, weakly."""
+    """Y = (1 - phi - rim) Y(bonded) + phi Y(free) + rim Y(weakly bonded): the free resonance reappears, weakly."""
 
     name = "bond-void"
     stage = Stage.VOIDS
@@ -25,23 +35,34 @@ class BondVoid(Effect):
         return tuple(where for where in interfaces(stack) if not _between_piezos(stack, where))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the unbonded part of the area."""
-        return (EffectParameter("fraction", "1", typical=0.01, upper=0.95, prior=(0.05, 1.3)),)
+        """Return the unbonded part of the area, that of its rim relative to it, and the spring that holds the rim.
+
+        The spring is in series with the bond, in units of 2 pi f0 Z0 of the active layer.
+        """
+        return (
+            EffectParameter("fraction", "1", typical=0.01, upper=0.95, prior=(0.05, 1.3)),
+            EffectParameter("rim", "1", typical=0.3, upper=1.0, fraction=True),
+            EffectParameter("hold", "1", typical=0.1, lower=0.02, upper=5.0, null=_HOLDS, scan=_SCAN, varies=True),
+        )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with the bonded and the free part of the face in parallel."""
+        """Return the device with the bonded, the free and the weakly bonded part of the face in parallel."""
         fraction, interface = values["fraction"], _interface(assembly.nominal, where)
         if fraction <= 0:
             return assembly
+        rim = min(fraction * values.get("rim", 0.0), 1 - fraction)
+        unit = 2 * np.pi * resonance(assembly.nominal) * acoustic_impedance(assembly.nominal)
+        spring = Spring(f"rim-{interface.removeprefix('interface:')}", values.get("hold", _HOLDS) * unit, _Q)
 
         def parted(part: ParallelSection) -> tuple[ParallelSection, ...]:
             if not set(interface_at(interface)) <= {layer.name for layer in part.stack.layers}:
                 return (part,)  # already cut off by a void nearer to the disk
-            free = _free(part, interface)
-            return (
-                replace(part, fraction=part.fraction * (1 - fraction)),
-                replace(free, fraction=part.fraction * fraction),
-            )
+            bonded = replace(part, fraction=part.fraction * (1 - fraction - rim))
+            free = replace(_free(part, interface), fraction=part.fraction * fraction)
+            if rim <= 0:
+                return bonded, free
+            weak = replace(part, fraction=part.fraction * rim, stack=_weakened(part.stack, interface, spring))
+            return bonded, free, weak
 
         return assembly.split(parted)
 
@@ -66,6 +87,13 @@ def _interface(stack: Stack, where: str) -> str:
     first = next(at for at, layer in enumerate(stack.layers) if isinstance(layer, Piezo))
     behind, before = (names[k - 1], names[k]) if first < k else (names[k], names[k + 1])
     return f"interface:{behind}|{before}"
+
+
+def _weakened(stack: Stack, where: str, spring: Spring) -> Stack:
+    """Return the stack with a spring at an interface."""
+    _, before = interface_at(where)
+    k = [layer.name for layer in stack.layers].index(before)
+    return replace(stack, layers=(*stack.layers[:k], spring, *stack.layers[k:]))
 
 
 def _free(part: ParallelSection, where: str) -> ParallelSection:

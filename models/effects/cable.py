@@ -39,7 +39,7 @@ class Cable(Effect):
         """
         return (
             EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(5e-8, 1.2)),
-            EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0),
+            EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0, varies=True),
             EffectParameter("loss", "Np/m", typical=2e-3, upper=1.0, prior=(2e-3, 1.5)),
         )
 

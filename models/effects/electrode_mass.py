@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..stack import Mass, Piezo, Stack
+from ..stack import Elastic, Mass, Piezo, Stack
 from .base.assembly import Assembly
 from .base.effect import FACES, Effect, EffectParameter, interface_at, interfaces
 from .base.scale import areal_mass
@@ -37,13 +37,13 @@ class ElectrodeMass(Effect):
         mass = values["mass"]
         if mass <= 0:
             return assembly
-        return assembly.each_stack(lambda stack: with_mass(stack, where, Mass(f"{self.name}@{where}", mass)))
+        return assembly.each_stack(lambda stack: at_place(stack, where, Mass(f"{self.name}@{where}", mass)))
 
 
-def with_mass(stack: Stack, where: str, mass: Mass) -> Stack:
-    """Return the stack with a mass at a face or interface; at an interface it is on the piezoelectric layer."""
+def at_place(stack: Stack, where: str, one: Mass | Elastic) -> Stack:
+    """Return the stack with a layer at a face or interface; at an interface it is on the piezoelectric layer."""
     k = _position(stack, where)
-    return replace(stack, layers=(*stack.layers[:k], mass, *stack.layers[k:]))
+    return replace(stack, layers=(*stack.layers[:k], one, *stack.layers[k:]))
 
 
 def _position(stack: Stack, where: str) -> int:

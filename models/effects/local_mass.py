@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..stack import Mass, Stack
+from ..stack import Elastic, Stack
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import FACES, Effect, EffectParameter, Stage
 from .base.scale import areal_mass
-from .electrode_mass import with_mass
+from .electrode_mass import at_place
 
 _HEIGHTS = tuple(np.geomspace(0.005, 3.0, 36).tolist())
 """Mass of a dot per area relative to that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT. Each causes a
@@ -17,6 +17,10 @@ satellite
 at its own frequency, so start values must lie closer than a linewidth for a fit to converge."""
 _RESTING = 0.3
 """The same while the effect is absent."""
+_RIGID, _SOLDER, _SOFTEST = 1e9, 2e7, 3e6
+"""Acoustic impedance of a dot that is practically rigid, of solder, and of the softest one, a resin; Rayl."""
+_Q, _SPEED = 20.0, 2000.0
+"""Quality factor of a dot. Its velocity, m/s, does not matter: mass and impedance determine what it does."""
 
 
 class LocalMass(Effect):
@@ -36,7 +40,10 @@ class LocalMass(Effect):
         return FACES
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the loaded part of the area, and the mass per area there, kg/m2."""
+        """Return the loaded part of the area, and mass per area (kg/m2) and acoustic impedance (Rayl) of the load.
+
+        A dot of little impedance is no rigid mass: it acts as Z tan(w m/Z)/w, more at high frequencies.
+        """
         unit = areal_mass(stack)
         scan = tuple(height * unit for height in _HEIGHTS)
         return (
@@ -49,17 +56,22 @@ class LocalMass(Effect):
                 upper=100 * unit,
                 null=_RESTING * unit,
                 scan=scan,
+                varies=True,
+            ),
+            EffectParameter(
+                "impedance", "Rayl", typical=_SOLDER, lower=_SOFTEST, upper=_RIGID, null=_RIGID, scan=(_SOLDER,)
             ),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the free and the loaded part of the face in parallel."""
-        fraction, mass = values["fraction"], Mass(f"{self.name}@{where}", values["mass"])
+        fraction, mass, z = values["fraction"], values["mass"], values.get("impedance", _RIGID)
         if fraction <= 0:
             return assembly
+        dot = Elastic(f"{self.name}@{where}", thickness=mass * _SPEED / z, z=z, c=_SPEED, q=_Q)
 
         def parted(part: ParallelSection) -> tuple[ParallelSection, ParallelSection]:
-            loaded = with_mass(part.stack, where, mass)
+            loaded = at_place(part.stack, where, dot)
             return (
                 replace(part, fraction=part.fraction * (1 - fraction)),
                 replace(part, fraction=part.fraction * fraction, stack=loaded),

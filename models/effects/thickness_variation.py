@@ -49,7 +49,7 @@ class ThicknessVariation(Effect):
         """Return the variance of the relative thickness (on which Z depends linearly), and the shape."""
         name = layer_at(where)
         thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
-        shape = EffectParameter("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE)
+        shape = EffectParameter("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE, varies=True)
         if thin:
             return (EffectParameter("variance", "1", typical=0.02, upper=0.3, prior=(0.02, 1.5)), shape)
         typical = 3e-6 if name == active(stack).name else 1e-4

@@ -18,7 +18,7 @@ from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import APPROXIMATE, COARSENED, LEFT, ODDS
 from .problem import Candidate, Problem
-from .size_priors import SizePriors, block_of, log_tails_of, slopes_by_size
+from .size_priors import SizePriors, block_of, log_tails_of, slopes_by_formula
 
 _EMPTY = ErrorSizes()
 _NEGLIGIBLE = 30.0
@@ -54,9 +54,14 @@ class Hypothesis:
 
     @property
     def log_left(self) -> float:
-        """Logarithm of how usual it is to leave so much: as the imperfections of a good device do, or another cause."""
+        """Logarithm of how usual it is to leave so much, relative to leaving nothing.
+
+        It is the density of the rms left: normal for the imperfections of a good device, uniform in its logarithm up to
+        1 for a cause that no effect describes.
+        """
         usual = np.exp(-0.5 * (self.unexplained / LEFT) ** 2)
-        return float(np.log((1 - ODDS) * usual + ODDS))
+        other = np.sqrt(np.pi / 2) * LEFT / max(self.unexplained, LEFT) / -np.log(LEFT)
+        return float(np.log((1 - ODDS) * usual + ODDS * other))
 
     @property
     def unexplained(self) -> float:
@@ -149,7 +154,7 @@ def marginal_of(
     """Return the marginal fit with these effects, starting at `values`."""
     coordinates = coordinates_with(problem, effects, values)
     objective = Objective(recordings or problem.with_effects(effects), coordinates, problem.priors)
-    return Marginal.of(objective, SizePriors(effects, coordinates.free), slopes_by_size(effects), problem.lines)
+    return Marginal.of(objective, SizePriors(effects, coordinates.free), slopes_by_formula(effects), problem.lines)
 
 
 def fitted(

@@ -12,6 +12,8 @@ from .problem import Candidate
 
 _LOGISTIC = 1.7
 """Standard deviation of the normal density closest to the logistic one, the prior of a `between` coordinate."""
+_FAR = 6.0
+"""Logit from which a parameter counts as being at its limit, where nothing changes it."""
 _DEEPEST = 6.0
 """Standard deviations below the median at which a size counts as zero."""
 _ABSENT = 0.1
@@ -130,12 +132,26 @@ def _mixed(z: Reals, share: float, tail: float) -> Reals:
     return (1 - share) * np.exp(-(z**2) / 2) + share / tail * np.exp(-(z**2) / 2 / tail**2)
 
 
-def slopes_by_size(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:
-    """Return, by effect, the names of its size coordinates and the function d coordinate / d ln size."""
-    return {one.prefix: tuple((name, _per_log(knob)) for name, knob in one.sizes) for one in effects}
+def slopes_by_formula(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:
+    """Return what a smooth error of a formula acts through: coordinates, each with d coordinate / d ln parameter.
+
+    By effect, its sizes together; and by name every further parameter that may change with frequency.
+    """
+    made = {one.prefix: tuple((name, _per_log(knob)) for name, knob in one.sizes) for one in effects}
+    for one in effects:
+        sizes = dict(one.sizes)
+        for name, knob in zip(one.parameters, one.effect_parameters, strict=True):
+            if knob.varies and name not in sizes:
+                made[name] = ((name, _per_log(knob)),)
+    return made
 
 
 def _per_log(knob: EffectParameter) -> Callable[[float], float]:
+    """Return d coordinate / d ln parameter of the block that `block_of` returns."""
+    if width(knob) == _LOGISTIC:
+        # x is the logit of where ln p lies between the limits; dx = d ln p / (span part (1 - part))
+        span = float(np.log(knob.upper / knob.lower))
+        return lambda x: 2 * (1 + float(np.cosh(min(abs(x), _FAR)))) / span
     _, spread = knob.expected
     return (lambda x: 1 / spread) if knob.from_nothing else (lambda x: x)
 

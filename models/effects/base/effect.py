@@ -63,6 +63,9 @@ class EffectParameter:
     """Whether its usual size is in proportion to the first parameter's: a shorter lead has less resistance, too."""
     delay: bool = False
     """Whether it is the delay of an echo in s, of which the first parameter is the amplitude."""
+    varies: bool = False
+    """Whether it may change smoothly with frequency, though its formula does not say so, apart from the effect's size:
+    a dot of solder is no rigid mass, and a damaged layer ends gradually."""
     setting: str = ""
     """The setting of a recording that gives its null value, if there is one."""
 

@@ -8,7 +8,20 @@ from scipy.integrate import quad_vec, solve_ivp
 from scipy.optimize import brentq
 
 from pzctl.models.effects import Conditions, Device, find_effect
-from pzctl.models.stack import AIR, VACUUM, CausalConstantQ, Elastic, HalfSpace, Mass, Piezo, PowerLoss, Stack, Support
+from pzctl.models.effects.base.scale import acoustic_impedance, resonance
+from pzctl.models.stack import (
+    AIR,
+    VACUUM,
+    CausalConstantQ,
+    Elastic,
+    HalfSpace,
+    Mass,
+    Piezo,
+    PowerLoss,
+    Spring,
+    Stack,
+    Support,
+)
 
 F = np.linspace(1.5e6, 15e6, 60)
 W = 2 * np.pi * F
@@ -143,9 +156,18 @@ def test_parts_of_the_face_act_in_parallel() -> None:
         close(added("bond-void", where, GLUED, fraction=0.1).impedance(F), 1 / (0.9 / Z + 0.1 / free))
     kept = Stack((DISK, GLUE), AIR, AIR, AREA).impedance(F)
     close(added("bond-void", "interface:glue1|ml1", GLUED, fraction=0.1).impedance(F), 1 / (0.9 / Z + 0.1 / kept))
-    loaded = Stack((DISK, GLUE, ML1, Mass("dot", 0.4)), AIR, WATER, AREA).impedance(F)
-    dot = added("local-mass", "face:front", GLUED, fraction=0.03, mass=0.4).impedance(F)
-    close(dot, 1 / (0.97 / Z + 0.03 / loaded))
+    solder = Elastic("dot", thickness=0.4 / 8500, z=2e7, c=2e7 / 8500, q=20.0)
+    for dot, load, near in ((2e7, solder, 1e-11), (1e9, Mass("dot", 0.4), 1e-4)):
+        loaded = Stack((DISK, GLUE, ML1, load), AIR, WATER, AREA).impedance(F)
+        seen = added("local-mass", "face:front", GLUED, fraction=0.03, mass=0.4, impedance=dot).impedance(F)
+        close(seen, 1 / (0.97 / Z + 0.03 / loaded), near)
+
+
+def test_a_spring_holds_the_rim_of_a_void() -> None:
+    void = added("bond-void", "interface:disk|glue1", GLUED, fraction=0.1, rim=0.5, hold=0.4).impedance(F)
+    unit = 2 * np.pi * resonance(GLUED) * acoustic_impedance(GLUED)
+    sprung = Stack((DISK, Spring("rim", 0.4 * unit, 10.0), GLUE, ML1), AIR, WATER, AREA).impedance(F)
+    close(void, 1 / (0.85 / GLUED.impedance(F) + 0.1 / BARE.impedance(F) + 0.05 / sprung))
 
 
 def test_a_void_also_removes_the_layers_beyond_it() -> None:
