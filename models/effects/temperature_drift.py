@@ -15,10 +15,12 @@ _FEW, _MANY = 3, 6
 """Number of instants at which the drifting device is evaluated; between them ln Z is a polynomial in time."""
 _SLIGHT = 0.05
 """Largest drift, in half linewidths, for which few instants suffice."""
+_STEADY = 1e3
+"""Time constant, in sweeps, of a drift that is steady."""
 
 
 class TemperatureDrift(Effect):
-    """Resonance frequencies and permittivity drift linearly with time; a downward sweep sees the opposite order.
+    """Resonance frequencies and permittivity drift, steadily or towards an end; a downward sweep sees that in reverse.
 
     The constants refer to the beginning of the step's first sweep, where the device is as in the other steps.
     """
@@ -35,20 +37,25 @@ class TemperatureDrift(Effect):
         return (SWEEP,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the relative drift of resonance frequencies and of permittivity over one sweep."""
+        """Return the relative drift of resonance frequencies and of permittivity over one sweep, and its time constant.
+
+        The time constant is in durations of the step's first sweep: what was touched or moved takes on the temperature
+        of its surroundings exponentially.
+        """
         return (
             EffectParameter("relative", "1", typical=2e-4, lower=-0.05, upper=0.05, prior=(0.0, 1e-3)),
             EffectParameter("permittivity", "1", typical=1e-3, lower=-0.2, upper=0.2, prior=(0.0, 3e-3)),
+            EffectParameter("time", "1", typical=1.0, lower=0.1, upper=_STEADY, null=_STEADY, scan=(0.7, 7.0)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as recorded by a sweep during the drift."""
-        speed, permittivity = values["relative"], values["permittivity"]
+        speed, permittivity, time = values["relative"], values["permittivity"], values.get("time", _STEADY)
         if speed == 0 and permittivity == 0:
             return assembly
 
         def drifting(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            tau = device.conditions.elapsed(frequency.size)
+            tau = np.expm1(-device.conditions.elapsed(frequency.size) / time) / np.expm1(-1 / time)
             drifts = _drifts(device.nominal, 2 * speed, permittivity)
             nodes = np.polynomial.chebyshev.chebpts1(_instants(device.nominal, speed, np.ptp(tau)))
             instants = np.mean([tau[0], tau[-1]]) + nodes * np.ptp(tau) / 2

@@ -305,10 +305,11 @@ def test_a_drift_is_reversed_by_the_sweep_direction() -> None:
     assert up[-1] == pytest.approx(whole[-1], rel=1e-3)
 
 
-def test_a_strong_drift_uses_the_device_at_each_points_time() -> None:
+@pytest.mark.parametrize("time", [1e3, 0.6])
+def test_a_strong_drift_uses_the_device_at_each_points_time(time: float) -> None:
     f = np.linspace(3.8e6, 4.6e6, 401)
-    drifted = Device(BARE).with_effect(find_effect("temperature-drift"), "sweep", {"relative": 2e-3}).impedance(f)
+    drifted = added("temperature-drift", "sweep", relative=2e-3, time=time).impedance(f)
     for k in range(0, 401, 50):
-        stiffness = DISK.c33D * (1 + 4e-3 * k / 400)
+        stiffness = DISK.c33D * (1 + 4e-3 * (1 - np.exp(-k / 400 / time)) / (1 - np.exp(-1 / time)))
         then = BARE.replace({"disk.c33D.re": stiffness.real, "disk.c33D.im": stiffness.imag})
         close(drifted[k : k + 1], then.impedance(f[k : k + 1]), 2e-4)
