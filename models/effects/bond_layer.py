@@ -6,12 +6,15 @@ from dataclasses import replace
 from ..stack import Elastic, Stack
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, interface_at, interfaces
+from .base.scale import resonance
 
 _Z, _C, _LOSS = 2.9e6, 2550.0, 1 / 30
 """Unfilled epoxy: Rayl, m/s and loss tangent. Of a thin layer only the compliance l/(z c) and its loss are visible, so
 impedance and velocity are assumed."""
 _LOSSES = (0.05, 0.03)
 """Prior loss tangent, mean and standard deviation: quality 10 where it is half cured, 50 where it is hard."""
+_SOFT, _THIN = 5e6, 0.05
+"""Impedance (Rayl) and thickness (wavelengths at the active layer's resonance) below which a layer acts as glue."""
 _LEAST = 1e-3
 """Loss tangent below which glue counts as lossless."""
 
@@ -25,8 +28,9 @@ class BondLayer(Effect):
     references = ("Tjelde (NTNU, 2012), section 3.4.2 and appendix B",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return every interface."""
-        return interfaces(stack)
+        """Return the interfaces, but none to a layer of glue: another one there would only make it thicker."""
+        glue = {layer.name for layer in stack.layers if isinstance(layer, Elastic) and _acts_as_glue(layer, stack)}
+        return tuple(where for where in interfaces(stack) if not glue & set(interface_at(where)))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s, and the loss tangent."""
@@ -49,6 +53,10 @@ class BondLayer(Effect):
             return replace(stack, layers=(*stack.layers[:k], bond, *stack.layers[k:]))
 
         return assembly.each_stack(glued)
+
+
+def _acts_as_glue(layer: Elastic, stack: Stack) -> bool:
+    return layer.z < _SOFT and layer.thickness < _THIN * layer.c / resonance(stack)
 
 
 EFFECT = BondLayer()

@@ -170,6 +170,14 @@ def test_a_spring_holds_the_rim_of_a_void() -> None:
     close(void, 1 / (0.85 / GLUED.impedance(F) + 0.1 / BARE.impedance(F) + 0.05 / sprung))
 
 
+def test_glue_is_omitted_only_where_there_is_none() -> None:
+    bond = find_effect("bond-layer")
+    assert bond.places(Stack((DISK, ML1), AIR, WATER, AREA)) == ("interface:disk|ml1",)
+    assert not bond.places(GLUED), "more glue beside glue is a thicker line"
+    foil = Elastic("foil", 15e-6, 4.2e7, 4700.0, 100.0)
+    assert bond.places(Stack((DISK, foil), AIR, AIR, AREA)) == ("interface:disk|foil",)
+
+
 def test_a_void_also_removes_the_layers_beyond_it() -> None:
     device = added("electrode-mass", "face:front", GLUED, mass=0.05)
     device = device.with_effect(find_effect("bond-void"), "interface:disk|glue1", {"fraction": 0.2})
