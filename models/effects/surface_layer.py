@@ -50,8 +50,8 @@ class SurfaceLayer(Effect):
         return (
             EffectParameter("back", "m", typical, upper=most, prior=_DEAD),
             EffectParameter("front", "m", typical, upper=most, prior=_DEAD),
-            EffectParameter("stiffness", "1", typical=0.1, lower=0.7, upper=1.2, null=1.0, varies=True),
-            EffectParameter("permittivity", "1", typical=0.1, lower=0.6, upper=1.7, null=1.0, varies=True),
+            EffectParameter("stiffness", "1", typical=0.1, lower=0.7, upper=1.2, null=1.0),
+            EffectParameter("permittivity", "1", typical=0.1, lower=0.6, upper=1.7, null=1.0),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
