@@ -65,7 +65,7 @@ class EffectParameter:
     """Whether it is the delay of an echo in s, of which the first parameter is the amplitude."""
     varies: bool = False
     """Whether it may change smoothly with frequency, though its formula does not say so, apart from the effect's size:
-    a dot of solder is no rigid mass, and a damaged layer ends gradually."""
+    a dot of solder is not everywhere as high, and a connector is no cable."""
     setting: str = ""
     """The setting of a recording that gives its null value, if there is one."""
 
