@@ -98,7 +98,8 @@ def _moment(flaws: Flaws, sweep: LabSweep, f: Reals) -> Instant:
     part = np.interp(f, sweep.frequency, np.linspace(0, 1, sweep.frequency.size))
     t = sweep.order + ((1 - part) if sweep.down else part)
     c, eps, time = flaws.drift
-    grown = 1 - np.exp(-t / time)
+    # the electrodes' heat goes first, then that of the jig
+    grown = 1 - 0.7 * np.exp(-t / time) - 0.3 * np.exp(-t / (5 * time))
     return Instant(np.asarray(1 + c * grown, np.complex128), np.asarray(1 + eps * grown, np.complex128))
 
 

@@ -17,6 +17,8 @@ from .specimen import AIR, Ceramic, LabDevice, LabLayer, lossy
 _NODES = 9, 101
 """Fewest and most thicknesses that a distribution is resolved into."""
 _GRADES = 6
+_HEIGHTS = (0.7, 0.9, 1.05, 1.15, 1.2)
+"""Heights of equal parts of a dot of solder relative to the mean, from its rim to its top."""
 _SILVER = 6500.0, 2800.0, 25.0
 """kg/m3, m/s and Q of fired silver paste."""
 _BACKING_SPEED = 2300.0
@@ -82,7 +84,11 @@ def columns(f: Reals, specimen: LabDevice, flaws: Flaws, step: str, moment: Inst
             whole = [(1 - share * (1 + rim), whole[0][1]), (share, bare), (share * rim, frayed)]
     if flaws.dot is not None:
         share, mass, side = flaws.dot
-        loaded = [(part * share, _with_dot(column, mass, side)) for part, column in whole]
+        loaded = [
+            (part * share / len(_HEIGHTS), _with_dot(column, mass * height, side))
+            for height in _HEIGHTS
+            for part, column in whole
+        ]
         whole = [(part * (1 - share), column) for part, column in whole] + loaded
     return [(part * weights, column) for part, column in whole]
 
@@ -165,7 +171,7 @@ def _paste(mass: float) -> Slice:
 
 
 def _with_dot(column: LayerColumn, mass: float, side: Side) -> LayerColumn:
-    """Load a face with solder: half a millimetre of it would be a resonator, so it is solved as a slice too."""
+    """Load a face with solder of one height: half a millimetre of it would be a resonator, so it is a slice, too."""
     dot = Slice(mass / 8500.0, 8500.0, 3.5e10 * (1 + 1j / 20))
     return replace(column, parts=(dot, *column.parts) if side == "back" else (*column.parts, dot))
 
