@@ -9,10 +9,8 @@ from .base.effect import Effect, EffectParameter, interface_at, interfaces
 from .base.scale import resonance
 
 _Z, _C, _LOSS = 2.9e6, 2550.0, 1 / 30
-"""Unfilled epoxy: Rayl, m/s and loss tangent. Of a thin layer only the compliance l/(z c) and its loss are visible, of
-a thicker one the mass l z/c, too. The velocity is assumed."""
-_SOFTEST, _HARDEST = 1.5e6, 8e6
-"""Impedance of silicone rubber and of epoxy filled with metal, Rayl."""
+"""Unfilled epoxy: Rayl, m/s and loss tangent. Of a thin layer only the compliance l/(z c) and its loss are visible, so
+impedance and velocity are assumed."""
 _LOSSES = (0.05, 0.03)
 """Prior loss tangent, mean and standard deviation: quality 10 where it is half cured, 50 where it is hard."""
 _SOFT, _THIN = 5e6, 0.05
@@ -35,11 +33,10 @@ class BondLayer(Effect):
         return tuple(where for where in interfaces(stack) if not glue & set(interface_at(where)))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the thickness in metre, for a velocity of 2550 m/s, the loss tangent, and the impedance in Rayl."""
+        """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s, and the loss tangent."""
         return (
             EffectParameter("thickness", "m", typical=5e-6, upper=2e-4, prior=(8e-6, 1.0)),
             EffectParameter("loss", "1", typical=0.03, upper=0.5, null=_LOSS, prior=_LOSSES),
-            EffectParameter("impedance", "Rayl", typical=1e6, lower=_SOFTEST, upper=_HARDEST, null=_Z),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -49,9 +46,7 @@ class BondLayer(Effect):
         if thickness <= 0:
             return assembly
         q = 1 / max(values.get("loss", _LOSS), _LEAST)
-        bond = Elastic(
-            f"bond-{where.removeprefix('interface:')}", thickness=thickness, z=values.get("impedance", _Z), c=_C, q=q
-        )
+        bond = Elastic(f"bond-{where.removeprefix('interface:')}", thickness=thickness, z=_Z, c=_C, q=q)
 
         def glued(stack: Stack) -> Stack:
             k = [layer.name for layer in stack.layers].index(before)
