@@ -1,9 +1,9 @@
 """`bond-layer`: a glue layer of finite thickness that the build omits."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from ..stack import Elastic, Stack
+from .base.added_layer import with_layer_between
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, interface_at, interfaces
 from .base.scale import resonance
@@ -41,18 +41,12 @@ class BondLayer(Effect):
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the glue in its place."""
-        _, before = interface_at(where)
         thickness = values["thickness"]
         if thickness <= 0:
             return assembly
         q = 1 / max(values.get("loss", _LOSS), _LEAST)
         bond = Elastic(f"bond-{where.removeprefix('interface:')}", thickness=thickness, z=_Z, c=_C, q=q)
-
-        def glued(stack: Stack) -> Stack:
-            k = [layer.name for layer in stack.layers].index(before)
-            return replace(stack, layers=(*stack.layers[:k], bond, *stack.layers[k:]))
-
-        return assembly.each_stack(glued)
+        return assembly.each_stack(lambda stack: with_layer_between(stack, where, bond))
 
 
 def _acts_as_glue(layer: Elastic, stack: Stack) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..stack import AIR, Piezo, Spring, Stack
+from .base.added_layer import with_layer_between
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage, interface_at, interfaces
 from .base.scale import acoustic_impedance, resonance
@@ -61,7 +62,7 @@ class BondVoid(Effect):
             free = replace(_free(part, interface), fraction=part.fraction * fraction)
             if rim <= 0:
                 return bonded, free
-            weak = replace(part, fraction=part.fraction * rim, stack=_weakened(part.stack, interface, spring))
+            weak = replace(part, fraction=part.fraction * rim, stack=with_layer_between(part.stack, interface, spring))
             return bonded, free, weak
 
         return assembly.split(parted)
@@ -87,13 +88,6 @@ def _interface(stack: Stack, where: str) -> str:
     first = next(at for at, layer in enumerate(stack.layers) if isinstance(layer, Piezo))
     behind, before = (names[k - 1], names[k]) if first < k else (names[k], names[k + 1])
     return f"interface:{behind}|{before}"
-
-
-def _weakened(stack: Stack, where: str, spring: Spring) -> Stack:
-    """Return the stack with a spring at an interface."""
-    _, before = interface_at(where)
-    k = [layer.name for layer in stack.layers].index(before)
-    return replace(stack, layers=(*stack.layers[:k], spring, *stack.layers[k:]))
 
 
 def _free(part: ParallelSection, where: str) -> ParallelSection:

@@ -1,11 +1,11 @@
 """`electrode-mass`: an electrode (or wax, ink) that the build omits, as a mass."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
-from ..stack import Elastic, Mass, Piezo, Stack
+from ..stack import Mass, Stack
+from .base.added_layer import with_layer_on_piezo
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, EffectParameter, interface_at, interfaces
+from .base.effect import FACES, Effect, EffectParameter, interfaces
 from .base.scale import areal_mass
 
 
@@ -37,21 +37,8 @@ class ElectrodeMass(Effect):
         mass = values["mass"]
         if mass <= 0:
             return assembly
-        return assembly.each_stack(lambda stack: at_place(stack, where, Mass(f"{self.name}@{where}", mass)))
-
-
-def at_place(stack: Stack, where: str, one: Mass | Elastic) -> Stack:
-    """Return the stack with a layer at a face or interface; at an interface it is on the piezoelectric layer."""
-    k = _position(stack, where)
-    return replace(stack, layers=(*stack.layers[:k], one, *stack.layers[k:]))
-
-
-def _position(stack: Stack, where: str) -> int:
-    if where in FACES:
-        return 0 if where == FACES[0] else len(stack.layers)
-    names = [layer.name for layer in stack.layers]
-    behind, before = (names.index(name) for name in interface_at(where))
-    return before if isinstance(stack.layers[before], Piezo) else behind + 1
+        paste = Mass(f"{self.name}@{where}", mass)
+        return assembly.each_stack(lambda stack: with_layer_on_piezo(stack, where, paste))
 
 
 EFFECT = ElectrodeMass()

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..stack import Elastic, Stack
+from .base.added_layer import with_layer_on_piezo
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import FACES, Effect, EffectParameter, Stage
 from .base.scale import areal_mass
-from .electrode_mass import at_place
 
 _HEIGHTS = tuple(np.geomspace(0.005, 3.0, 36).tolist())
 """Mass of a dot per area relative to that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT. Each causes a
@@ -71,7 +71,7 @@ class LocalMass(Effect):
         dot = Elastic(f"{self.name}@{where}", thickness=mass * _SPEED / z, z=z, c=_SPEED, q=_Q)
 
         def parted(part: ParallelSection) -> tuple[ParallelSection, ParallelSection]:
-            loaded = at_place(part.stack, where, dot)
+            loaded = with_layer_on_piezo(part.stack, where, dot)
             return (
                 replace(part, fraction=part.fraction * (1 - fraction)),
                 replace(part, fraction=part.fraction * fraction, stack=loaded),

@@ -99,10 +99,6 @@ class Hypothesis:
         """Logarithm of (marginal likelihood times prior odds)."""
         return self.log_evidence + self.log_odds
 
-    def others(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates that can stand beside its effects."""
-        return beside(self.effects, candidates)
-
     @cached_property
     def values(self) -> dict[str, float]:
         """Every model parameter."""

@@ -14,7 +14,7 @@ from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
 from ..decision_rules import ABSORBED, EXACT_FIRST, EXACT_LATER, LEFT, MOST, NEAR, UNFINISHED, WORTH
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import ScreenedCandidate, screened
 
@@ -65,7 +65,7 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
     """Return the fits of the most promising candidates beside a hypothesis."""
     if len(parent.effects) == MOST:
         return []
-    *_, promises = screened(problem, parent, parent.others(candidates), jobs)
+    *_, promises = screened(problem, parent, beside(parent.effects, candidates), jobs)
     if not promises or _hopeless(parent, promises[0].gain):
         return []
     most, absorbed = (EXACT_LATER, 0.0) if parent.effects else (EXACT_FIRST, ABSORBED)

@@ -123,7 +123,7 @@ class GreedySearch(FittedHypotheses):
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
         """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
         # those that were tried beside the rest, too: from other constants they may have ended in another minimum
-        left = [other for other in rest.others(self.candidates) if other.effect is not effect.effect]
+        left = [other for other in beside(rest.effects, self.candidates) if other.effect is not effect.effect]
         own = change_by(self.problem, one, effect)
         alike: dict[str, ScreenedCandidate] = {}
         for found in resembling(self.problem, rest, own, left):
@@ -134,7 +134,7 @@ class GreedySearch(FittedHypotheses):
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""
-        left = parent.others(self.candidates)
+        left = beside(parent.effects, self.candidates)
         return [one for one in left if frozenset((*parent.effects, one)) not in self.found]
 
     def relocate(self, one: Hypothesis) -> None:

@@ -18,6 +18,7 @@ from ...stack.loads import AnyLoad, Load
 from ...stack.lumps import Gap, Weight
 from ...stack.row import Joins
 from ...stack.stack import Layer
+from ..base.added_layer import with_layer_between
 from ..base.assembly import Assembly
 from ..base.effect import FACES, TERMINALS, Stage, interface_at, interfaces, layer_at
 from ..base.modified_laws import Multiple, with_stiffness_law
@@ -128,13 +129,11 @@ def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
     _, before = interface_at(place.where)
 
     def joined(stack: Stack) -> Stack:
-        names = [layer.name for layer in stack.layers]
-        if before not in names:
+        if before not in {layer.name for layer in stack.layers}:
             return stack
-        k = names.index(before)
         others = sum(isinstance(layer, CorrectedInterface) for layer in stack.layers)
         part = CorrectedInterface(place.quantity == "compliance", size, g, f"correction {others + 1}")
-        return replace(stack, layers=(*stack.layers[:k], part, *stack.layers[k:]))
+        return with_layer_between(stack, place.where, part)
 
     return assembly.each_stack(joined)
 

@@ -62,14 +62,13 @@ def two_steps(cases) -> Problem:
 
 
 def test_between_two_steps_a_clip_may_change_but_a_bond_stays(two_steps) -> None:
-    problem = two_steps
-    first, last = problem.steps
+    first, last = two_steps.steps
     steps = {}
-    for one in candidates(problem, ("lead-inductance", "bond-void", "face-load")):
+    for one in candidates(two_steps, ("lead-inductance", "bond-void", "face-load")):
         steps.setdefault((one.effect.name, one.where.partition(":")[0]), set()).add(one.steps)
     assert steps["lead-inductance", "terminals"] == {(first, last), (first,), (last,)}
     assert all(of[-1] == last for of in steps["bond-void", "interface"])
-    fronts = [one.steps for one in candidates(problem, ("face-load",)) if one.where == "face:front"]
+    fronts = [one.steps for one in candidates(two_steps, ("face-load",)) if one.where == "face:front"]
     assert sorted(fronts) == sorted([(first,), (last,)]), "the front of a step is inside the next one"
 
 
