@@ -28,6 +28,10 @@ class BondLayer(Effect):
     references = ("Tjelde (NTNU, 2012), section 3.4.2 and appendix B",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
+        """Return every interface."""
+        return interfaces(stack)
+
+    def looked_for(self, stack: Stack) -> tuple[str, ...]:
         """Return the interfaces, but none to a layer of glue: another one there would only make it thicker."""
         glue = {layer.name for layer in stack.layers if isinstance(layer, Elastic) and _acts_as_glue(layer, stack)}
         return tuple(where for where in interfaces(stack) if not glue & set(interface_at(where)))

@@ -154,5 +154,8 @@ def _page(described: dict[str, Any]) -> "Table":
 
 def _size(parameter: dict[str, Any]) -> str:
     unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
-    around = f"{parameter['null']:.3g} +- " if parameter["null"] else ""
+    null, (lower, upper) = parameter["null"], parameter["limits"]
+    if null and null == upper:  # absent at a limit, far from any typical value
+        return f"{parameter['name']}: {lower:.3g} to {upper:.3g}{unit}"
+    around = f"{null:.3g} +- " if null else ""
     return f"{parameter['name']}: {around}{parameter['typical']:.3g}{unit}"

@@ -39,7 +39,7 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
     devices = {recording.step: recording.model for recording in problem.recordings}
     for step, device in devices.items():
         if isinstance(device, Device) and _possible(effect, device.bare):
-            for where in effect.places(device.reference):
+            for where in effect.looked_for(device.reference):
                 places.setdefault(where, []).append(step)
     found: list[Candidate] = []
     for where, steps in places.items():

@@ -137,6 +137,10 @@ class Effect(ABC):
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return its possible places in this stack: `terminals`, `layer:NAME`, `interface:A|B`, `face:back` ..."""
 
+    def looked_for(self, stack: Stack) -> tuple[str, ...]:
+        """Return the places at which a diagnosis looks for it: none where it only changes what the build states."""
+        return self.places(stack)
+
     @abstractmethod
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return its parameters at this place; the first is its size (the first `sizes` are).
