@@ -60,9 +60,11 @@ def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], buil
         if k < len(shown):
             bands: Any = diagnosis.get("held_out_Hz") or ()  # missing in older journals
             held = bands[k] if k < len(bands) else ()
-            _residuals(axes, shown[k], diagnosis["findings"], held, named=named, legend=k == 0)
+            _residuals(axes, shown[k], diagnosis["findings"], held, named=named)
         else:
             axes.set_axis_off()
+    entries = panels.flat[0].get_legend_handles_labels()
+    above.legend(*entries, fontsize=8.5, frameon=False, ncols=6, loc="outside lower center")
     name = "device" if build is None else build.name
     title = fill(f"{name}: {diagnosis['says'][0]}", _TITLE)
     above.suptitle(as_label(title), fontweight="bold", fontsize=11.5)
@@ -95,7 +97,6 @@ def _residuals(
     held: Sequence[Sequence[float]],
     *,
     named: bool,
-    legend: bool,
 ) -> None:
     """Draw the size of the residuals over frequency: every point faint, their running mean heavy.
 
@@ -123,8 +124,6 @@ def _residuals(
     axes.set_xlabel("frequency (MHz)", fontsize=9)
     axes.tick_params(labelsize=8.5)
     axes.spines[["top", "right"]].set_visible(False)
-    if legend:
-        axes.legend(fontsize=8.5, frameon=False, ncols=6, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0)
 
 
 def _bands(axes: Any, curve: Curve, findings: Sequence[Mapping[str, Any]], held: Sequence[Sequence[float]]) -> None:
