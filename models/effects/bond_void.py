@@ -53,7 +53,7 @@ class BondVoid(Effect):
             return assembly
         rim = min(fraction * values.get("rim", 0.0), 1 - fraction)
         unit = 2 * np.pi * resonance(assembly.nominal) * acoustic_impedance(assembly.nominal)
-        spring = Spring(f"rim-{interface.removeprefix('interface:')}", values.get("hold", _HOLDS) * unit, _Q)
+        spring = Spring(f"rim-{where.partition(':')[2]}", values.get("hold", _HOLDS) * unit, _Q)
 
         def parted(part: ParallelSection) -> tuple[ParallelSection, ...]:
             if not set(interface_at(interface)) <= {layer.name for layer in part.stack.layers}:

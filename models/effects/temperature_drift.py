@@ -13,6 +13,8 @@ from .base.scale import active
 
 _FEW, _MANY = 3, 6
 """Number of instants at which the drifting device is evaluated; between them ln Z is a polynomial in time."""
+_OVER = 1e-9
+"""Part of the drift below which nothing more of it happens during a sweep: one instant stands for all."""
 _SLIGHT = 0.05
 """Largest drift, in half linewidths, for which few instants suffice."""
 _STEADY = 1e3
@@ -74,6 +76,8 @@ class TemperatureDrift(Effect):
 
 def _instants(stack: Stack, speed: float, lasting: float) -> int:
     """Return the number of instants needed for the drift of the lines in half widths."""
+    if lasting < _OVER:
+        return 1
     c33D = active(stack).c33D
     return _FEW if abs(speed) * lasting < _SLIGHT * c33D.imag / (2 * c33D.real) else _MANY
 

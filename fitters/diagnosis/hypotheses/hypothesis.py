@@ -54,10 +54,10 @@ class Hypothesis:
 
     @property
     def log_left(self) -> float:
-        """Logarithm of how usual it is to leave so much, relative to leaving nothing.
+        """Logarithm of how usual it is to leave so much, relative to a good device that leaves nothing.
 
-        It is the density of the rms left: normal for the imperfections of a good device, uniform in its logarithm up to
-        1 for a cause that no effect describes.
+        It is the density of the rms left, by odds a mixture of two: half normal for the imperfections of a good device;
+        for a cause that no effect describes uniform in its logarithm from LEFT to 1, continued as a constant below.
         """
         usual = np.exp(-0.5 * (self.unexplained / LEFT) ** 2)
         other = np.sqrt(np.pi / 2) * LEFT / max(self.unexplained, LEFT) / -np.log(LEFT)

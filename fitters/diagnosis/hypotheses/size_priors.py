@@ -13,7 +13,7 @@ from .problem import Candidate
 _LOGISTIC = 1.7
 """Standard deviation of the normal density closest to the logistic one, the prior of a `between` coordinate."""
 _FAR = 6.0
-"""Logit from which a parameter counts as being at its limit, where nothing changes it."""
+"""Logit beyond which the error of a formula in a parameter fades: it is close to a limit that it cannot pass."""
 _DEEPEST = 6.0
 """Standard deviations below the median at which a size counts as zero."""
 _ABSENT = 0.1

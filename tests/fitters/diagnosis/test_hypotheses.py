@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import halfnorm, loguniform
 
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
@@ -15,10 +16,17 @@ from pzctl.fitters.diagnosis.decision_rules import LEFT, ODDS
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates, flaws
 from pzctl.fitters.diagnosis.hypotheses.conditions import as_devices
 from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_out
-from pzctl.fitters.diagnosis.hypotheses.hypothesis import coarseness, fitted, probabilities
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
-from pzctl.fitters.diagnosis.hypotheses.problem import Problem
-from pzctl.fitters.diagnosis.hypotheses.size_priors import SizePriors, block_of, log_tails_of, shown, width
+from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
+from pzctl.fitters.diagnosis.hypotheses.size_priors import (
+    SizePriors,
+    block_of,
+    log_tails_of,
+    shown,
+    slopes_by_formula,
+    width,
+)
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
@@ -227,6 +235,27 @@ def test_leaving_more_than_a_good_device_does_costs_the_odds_of_a_cause_of_its_o
     assert lead_case.search.best.log_left == pytest.approx(np.log(1 - ODDS), abs=0.05)
     named, left = probabilities([weighed(0.0, np.log(ODDS), 0.0), weighed(0.0, 0.0, 0.0, left=null.log_left)])
     assert named > left, "of two explanations as good as each other, that by an effect leaves less unexplained"
+
+
+@given(st.floats(-4, 0))
+def test_how_usual_a_rest_is_follows_from_two_densities(decades: float) -> None:
+    left = 10**decades
+    good, other = halfnorm(scale=LEFT), loguniform(LEFT, 1.0)
+    density = (1 - ODDS) * good.pdf(left) + ODDS * other.pdf(max(left, LEFT * (1 + 1e-12)))
+    said = Hypothesis.log_left.fget(SimpleNamespace(unexplained=left))
+    assert said == pytest.approx(np.log(density / good.pdf(0.0)), abs=1e-6)
+
+
+@given(st.floats(-5, 5))
+def test_a_formula_errs_by_the_logarithm_of_what_may_vary(x: float) -> None:
+    knob = replace(BETWEEN, varies=True)
+    effect = SimpleNamespace(key="cable", sizes=1)
+    one = Candidate(effect, "terminals", ("disk",), (FROM_NOTHING, knob))
+    made = slopes_by_formula([one])
+    assert set(made) == {one.prefix, one.prefix + "impedance"}
+    ((name, per_log),) = made[one.prefix + "impedance"]
+    p, slope = block_of(name, knob).forward(np.array([x]))
+    assert per_log(x) == pytest.approx(p.item() / slope.item(), rel=1e-9)
 
 
 @given(st.lists(st.tuples(st.floats(-500, 500), st.floats(-10, 0)), min_size=1, max_size=6), st.floats(0, 1e4))

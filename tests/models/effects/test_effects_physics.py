@@ -170,6 +170,13 @@ def test_a_spring_holds_the_rim_of_a_void() -> None:
     close(void, 1 / (0.85 / GLUED.impedance(F) + 0.1 / BARE.impedance(F) + 0.05 / sprung))
 
 
+def test_a_void_at_an_interface_and_one_through_the_layer_may_stand_together() -> None:
+    values = {"fraction": 0.1, "rim": 0.5, "hold": 0.4}
+    device = added("bond-void", "interface:disk|glue1", GLUED, **values)
+    both = device.with_effect(find_effect("bond-void"), "layer:glue1", values).impedance(F)
+    assert np.all(both.real > 0)
+
+
 def test_glue_is_omitted_only_where_there_is_none() -> None:
     bond = find_effect("bond-layer")
     assert bond.looked_for(Stack((DISK, ML1), AIR, WATER, AREA)) == ("interface:disk|ml1",)
@@ -312,6 +319,13 @@ def test_a_drift_is_reversed_by_the_sweep_direction() -> None:
     assert abs(up[0]) < 1e-12
     np.testing.assert_allclose(up + down, whole, rtol=1e-2)
     assert up[-1] == pytest.approx(whole[-1], rel=1e-3)
+
+
+def test_a_drift_that_is_over_moves_the_device_as_a_whole() -> None:
+    late = Conditions(began=40.0)
+    seen = added("temperature-drift", "sweep", conditions=late, relative=1e-4, time=0.7).impedance(F)
+    stiffness = DISK.c33D * (1 + 2e-4 / (1 - np.exp(-1 / 0.7)))
+    close(seen, BARE.replace({"disk.c33D.re": stiffness.real, "disk.c33D.im": stiffness.imag}).impedance(F))
 
 
 @pytest.mark.parametrize("time", [1e3, 0.6])
