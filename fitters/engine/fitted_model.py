@@ -68,6 +68,10 @@ class FittedModel:
         """Return values from which a fit can start: these."""
         return values
 
+    def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the values: no layer is passive."""
+        return values
+
     def constants(
         self, steps: Sequence[str], values: Mapping[str, float], names: Sequence[str], covariance: Reals
     ) -> dict[str, Constant]:

@@ -23,8 +23,8 @@ from .smooth_basis import smooth
 Part = str
 """Part of the error of a column.
 
-`slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `shape`, `line`, or `formula`: the known error of an
-approximate model.
+`slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `uneven`, `shape`, `line`, or `formula`: the known error
+of an approximate model.
 """
 
 
@@ -206,6 +206,7 @@ def columns_of(
     _instrument(add, places, grid, fast=fast)
     _fixture(add, places)
     _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
+    _uneven(add, places)
     _formula(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
     _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE))
     for one in held:
@@ -302,6 +303,26 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
         if kind in ("eps33S", "eps33T"):
             falls = tuple(_complex(scales.FALL * np.log(p.recording.sweep.frequency / f0)) for p in places)
             _correction(add, "losses", 0.0, places, own, ColumnCorrection(name, falls))
+
+
+def _uneven(add: _Add, places: Sequence[LinearisedRecording]) -> None:
+    """Add what an uneven thickness of each ceramic does: in all recordings the same."""
+    names = dict.fromkeys(
+        layer.name for p in places for layer in stack_of(p.recording.model).layers if isinstance(layer, Piezo)
+    )
+    for name in names:
+        of = _at(places, [_unevenness(p.recording, name) for p in places])
+        add("uneven", 0.0, lambda p, of=of: of[id(p)])
+
+
+def _unevenness(recording: Recording, name: str) -> Complexes:
+    """Return the change of ln Z by an uneven thickness of a ceramic, shape (N,); 0 if it is in no part of the device."""
+    f, model = recording.sweep.frequency, recording.model
+    device = model if isinstance(model, Device) else Device(model)
+    if name not in (layer.name for layer in stack_of(model).layers):
+        return np.zeros(f.size, np.complex128)
+    change = device.assembly.unevenness(f, name, scales.UNEVEN)
+    return np.conj(change) if device.assembly.conjugated else change
 
 
 def _correction(

@@ -24,6 +24,7 @@ GRIDS: Mapping[str, tuple[float, ...]] = {
     "fixture": scales.THERE,
     "held": scales.THERE,
     "losses": scales.ON,
+    "uneven": scales.THERE,
     "shape": scales.BENT,
     "bend": scales.BENDS,
     "colour": scales.COLOURS,
@@ -32,6 +33,7 @@ _ROUNDS = 3
 _RIDGES = (1e-12, 1e-10, 1e-8, 1e-6)
 """Added to the diagonal of a normalised matrix that has no Cholesky factor because of rounding."""
 _DEAR = ("rho", "bend", "colour")
+"""Parts without columns, which need new products of all columns."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class ErrorSizes:
     fixture: float = 0.0
     held: float = 0.0
     losses: float = 0.0
+    uneven: float = 0.0
     shape: float = 0.0
     bend: float = 0.0
     colour: float = 0.0
@@ -71,13 +74,15 @@ class ErrorSizes:
     def _none(self, name: str) -> float:
         """Return the prior probability that a part is absent, given the others.
 
-        An error-free fixture and an exact data sheet belong to an error-free instrument; and no real device was
+        An error-free fixture, an exact data sheet and parallel faces belong to an error-free instrument; and no real device was
         measured with an error-free instrument: if the model itself has errors, so has the instrument.
         """
         if name == "fixture":
             return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
         if name == "held":
             return scales.NONE["held"] if self.slow > 0 or self.fast > 0 else scales.EXACT_SHEET
+        if name == "uneven":
+            return scales.NONE["uneven"] if self.slow > 0 or self.fast > 0 else scales.EVEN
         if name == "slow" and any((self.tau, self.rho, self.losses, self.shape, self.bend)):
             return scales.FLAWLESS
         return scales.NONE[name]
@@ -99,11 +104,11 @@ class ErrorSizes:
 
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
-        sizes = {name: getattr(self, name) for name in ("tau", "slow", "fast", "fixture", "held", "losses", "shape")}
+        sizes = {name: getattr(self, name) for name in GRIDS if name not in _DEAR}
         return {**sizes, "line": 1.0, "formula": 1.0}
 
 
-USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0)
+USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0, uneven=1.0)
 """Errors of a good device and a good instrument."""
 
 

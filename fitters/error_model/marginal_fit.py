@@ -15,7 +15,7 @@ from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, rough_gue
 from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
 
-ORDER = ("held", "tau", "slow", "fixture", "losses", "shape", "fast", "bend", "rho", "colour")
+ORDER = ("held", "tau", "slow", "fixture", "losses", "uneven", "shape", "fast", "bend", "rho", "colour")
 _STEPS = 15
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that a normal number exceeds in one case of twenty."""

@@ -18,6 +18,8 @@ LOSSES = {"c33D": 0.15, "eps33S": 0.15, "h33": 0.1}
 """Relative change of a loss over the band: 1/Q goes as f^-0.15 to f^0.15 in most ceramics."""
 FALL = 2e-3
 """Slope of ln permittivity against ln f in any ceramic."""
+UNEVEN = 5e-4
+"""Standard deviation of a ceramic's thickness over its face, relative: 1 mm with faces parallel to 2 um."""
 SHAPE = 0.1
 """Smooth error of an effect's formula, relative to the effect: skin effect in a lead, loss in a stray capacitance."""
 SHAPE_LENGTH = 1.0
@@ -40,7 +42,8 @@ SHARES = (0.0, 0.3, 1.0)
 LIKELY = {0.0: 0.0, 0.3: 0.2, 1.0: 0.8}
 """Prior probabilities of these if there is an error: an analyzer may be off as much as its specification allows."""
 THERE = (0.0, 1.0)
-"""Residual of the fixture, in units of its prior; values that a build holds as exact, in units of their tolerance."""
+"""Residual of the fixture, and uneven thickness, in units of their priors; values that a build holds as exact, in units
+of their tolerance."""
 QUICK = (0.0, 0.1, 0.3)
 """Fast instrument error in the same units."""
 ON = (0.0, 0.3, 1.0)
@@ -60,6 +63,7 @@ NONE = {
     "fixture": 0.1,
     "held": 0.1,
     "losses": 0.4,
+    "uneven": 0.4,
     "shape": 0.4,
     "bend": 0.4,
     "colour": 0.8,
@@ -71,3 +75,5 @@ EXACT_FIXTURE = 0.999
 """The same for the fixture if the instrument has no error at all, which implies a simulated recording."""
 EXACT_SHEET = 0.99
 """The same for values that a build holds as exact."""
+EVEN = 0.999
+"""The same for uneven thickness."""

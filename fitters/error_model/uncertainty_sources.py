@@ -109,8 +109,8 @@ class AttributedErrors:
     """Of a plausible size; what goes beyond it counts as an error of the model."""
     model: tuple[Complexes, ...]
     usual: tuple[Complexes, ...]
-    """Imperfections that every device has: weak lines, losses that change over the band, and values of the build that
-    are off by no more than their tolerance."""
+    """Imperfections that every device has: weak lines, losses that change over the band, uneven thickness, and values of
+    the build that are off by no more than their tolerance."""
     left: tuple[Complexes, ...]
     """ln(Z_model/Z) minus all of these."""
 
@@ -157,7 +157,7 @@ def _usual_share(columns: ErrorColumns, sizes: ErrorSizes) -> Reals:
     """
     losses = (columns.losses * sizes.losses) ** 2
     of_imaginary = losses / np.maximum(losses + (IMAGINARY * sizes.tau) ** 2, 1e-300)
-    known = {"line": 1.0, "losses": 1.0, "shape": 1.0, "formula": 1.0}
+    known = {"line": 1.0, "losses": 1.0, "uneven": 1.0, "shape": 1.0, "formula": 1.0}
     return np.array(
         [of_imaginary[k] if part == "imaginary" else known.get(part, 0.0) for k, part in enumerate(columns.parts)]
     )

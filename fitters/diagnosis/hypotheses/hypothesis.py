@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtri
 
 from ....models.base.arrays import Complexes, Reals
 from ....models.base.errors import PzctlError
@@ -21,6 +22,7 @@ from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, log_tails_of, slopes_by_formula
 
 _EMPTY = ErrorSizes()
+_ONE_IN_TWENTY = 0.05
 _NEGLIGIBLE = 30.0
 """ln odds from which a hypothesis counts as impossible: 1e-13."""
 
@@ -103,6 +105,12 @@ class Hypothesis:
     def values(self) -> dict[str, float]:
         """Every model parameter."""
         return self.fit.values
+
+    @property
+    def astray(self) -> bool:
+        """Whether its dimensions and constants are further from the build than those of one build in twenty."""
+        away = self.objective.prior_deviations(self.values)
+        return away.size > 0 and float(away @ away) > float(chdtri(away.size, _ONE_IN_TWENTY))
 
     @property
     def coarseness(self) -> float:

@@ -26,6 +26,10 @@ class ModelUnderDiagnosis(Protocol):
         """Return values near these from which a fit can start."""
         ...
 
+    def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the values with the passive layers as the build states them."""
+        ...
+
     def constants(
         self, steps: Sequence[str], values: Mapping[str, float], names: Sequence[str], covariance: Reals
     ) -> dict[str, Constant]:
@@ -54,6 +58,12 @@ class LayeredModel:
         nominal = nominal_parameters(self.build)
         thin = {name: _THIN * nominal[name] for name in values if name.endswith(".thickness") and name in nominal}
         return {**values, **{name: max(values[name], least) for name, least in thin.items()}}
+
+    def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the values with the passive layers as the build states them."""
+        passive = tuple(f"{layer.name}." for layer in self.build.layers if layer.kind == "elastic")
+        stated = nominal_parameters(self.build).items()
+        return {**values, **{name: one for name, one in stated if name in values and name.startswith(passive)}}
 
     def constants(
         self, steps: Sequence[str], values: Mapping[str, float], names: Sequence[str], covariance: Reals

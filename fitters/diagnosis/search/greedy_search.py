@@ -248,13 +248,16 @@ class GreedySearch(FittedHypotheses):
     ) -> list[Plan]:
         near = tuple(dict.fromkeys((parent, like or parent)))
         sizes = (ErrorSizes(colour=parent.fit.sizes.colour), *(other.fit.sizes for other in near))
+        others = [other.values for other in near[1:]]
+        if parent.astray:  # what is missing has moved the constants of other layers: no effect would bring them back
+            others.append(self.problem.model.as_stated(parent.values))
         return [
             Plan(
                 (*parent.effects, one),
                 {**parent.values, **promise.start},
                 sizes,
                 rounds=2,
-                others=tuple({**other.values, **promise.start} for other in near[1:]),
+                others=tuple({**other, **promise.start} for other in others),
             )
             for promise in _apart(promises)
         ]

@@ -277,6 +277,22 @@ class Assembly:
             slope *= through
         return seen, slope / seen
 
+    def unevenness(self, frequency: Frequencies, layer: str, spread: float) -> Complexes:
+        """Return the change of ln Z if a layer's thickness deviates by this relative standard deviation, shape (N,).
+
+        It deviates by as much to either side on half of the face each. To first order in admittance; 0 for a device
+        that is no stack, and where an effect states how the thickness is distributed.
+        """
+        change, name = np.zeros(frequency.size, np.complex128), f"{layer}.thickness"
+        for part in self.parts:
+            if (part.strips is not None and part.strips.layer == layer) or name not in part.stack.names:
+                continue
+            t = part.stack.parameters()[name]
+            sides = (part.stack.replace({name: t * (1 + one)}) for one in (-spread, spread))
+            uneven = sum((replace(part, stack=side).admittance(frequency) for side in sides), np.zeros_like(change))
+            change += uneven / 2 - part.admittance(frequency)
+        return self._seen(frequency, self._within(frequency), change[None])[1][0] if self.parts else change
+
     def moved_by_laws(self, frequency: Frequencies, other: Self) -> Complexes | None:
         """Return ln Z of the device with slightly different laws less that of this one, to first order, shape (N,).
 
