@@ -152,7 +152,7 @@ class MarginalFit:
 
         It does not count: where a fit has not converged, the minimum is where nothing is nearly quadratic any more.
         """
-        return max(0.0, 0.5 * float(self.value.step @ self.value.H @ self.value.step) - _SETTLED)
+        return _promised(self.value)
 
     @cached_property
     def shortfall(self) -> float:
@@ -208,6 +208,10 @@ class MarginalFit:
         return self.marginal.objective.coordinates.forward(self.x)[0]
 
 
+def _promised(value: Value) -> float:
+    return max(0.0, 0.5 * float(value.step @ value.H @ value.step) - _SETTLED)
+
+
 def _unusual(squares: float, count: int) -> float:
     """Return minus twice ln density of a root sum of squares of `count` normal numbers, relative to its maximum."""
     mode = count - 1
@@ -231,29 +235,36 @@ def fit(
     `fixed`: use the sizes of the first start. `compared`: whether its evidence will be compared with that of others and
     has to settle, if need be in further rounds; constants then move by less than their uncertainties. `barred`: parts
     of the error that it has none of, by their names in `ErrorSizes`.
+
+    It ends where the evidence was largest. A descent lowers the misfit with the errors that are expected where it
+    begins; far from any minimum, where little is explained, those expected where it ends may be quite others.
     """
     fast, order = "fast" not in barred, [name for name in ORDER if name not in barred]
     for name in barred:
         starts = tuple(own.at(name, 0.0) for own in starts)
     sizes = starts[0]
-    now = _Round.before(marginal, x, sizes, fast)
+    now = best = _Round.before(marginal, x, sizes, fast)
     converged, held, before = False, False, np.inf
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not (fixed or held):
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
+            best = max(best, replace(now, sizes=sizes), key=_worth)
         last, now = now, now.next(sizes, fast, _RELAXATION if held else 1.0, _CLOSE if compared else _NEAR)
         if now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
             # The quadratic expansion by which these were chosen promised more than it kept.
             now, sizes, held = last, last.sizes, True
             continue
+        best = max(now, best, key=_worth)
         # without errors evidence depends on no columns
         exact = (fixed or held) and now.made.exact(sizes)
         converged = now.steps < _STEPS and (exact or abs(now.log_evidence - before) < _SETTLED)
         if (k >= rounds - 1 and converged) or (k > 0 and now.steps <= 1 and now.remainder < _LINEAR):
             break
         before = now.log_evidence
+    if _worth(best) > _worth(now) + _SETTLED:
+        now, sizes, converged = best, best.sizes, False
     minimum = Minimum(now.x, sizes, fast, converged, now.marginal.corrections)
     return MarginalFit(now.marginal, minimum, now.made.value(sizes), now.made)
 
@@ -298,6 +309,15 @@ class _Round:
     def log_evidence(self) -> float:
         """Logarithm of the marginal likelihood where it ended."""
         return self.made.value(self.sizes).log_evidence
+
+
+def _worth(one: _Round) -> float:
+    """Return ln evidence without what is only promised; minus infinity if there is no covariance."""
+    try:
+        value = one.made.value(one.sizes)
+    except np.linalg.LinAlgError:
+        return -np.inf
+    return value.log_evidence - _promised(value)
 
 
 def _recorrected(marginal: Marginal, x: Reals, made: Gram, sizes: ErrorSizes) -> tuple[Marginal, float]:
