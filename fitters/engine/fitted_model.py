@@ -69,7 +69,7 @@ class FittedModel:
         return values
 
     def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the values: no layer is passive."""
+        """Return the values: no build states a layer."""
         return values
 
     def constants(

@@ -23,8 +23,8 @@ from .smooth_basis import smooth
 Part = str
 """Part of the error of a column.
 
-`slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `uneven`, `shape`, `line`, or `formula`: the known error
-of an approximate model.
+`slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `uneven`, `shape`, `line`, or `formula`: the known
+error of an approximate model.
 """
 
 
@@ -316,7 +316,7 @@ def _uneven(add: _Add, places: Sequence[LinearisedRecording]) -> None:
 
 
 def _unevenness(recording: Recording, name: str) -> Complexes:
-    """Return the change of ln Z by an uneven thickness of a ceramic, shape (N,); 0 if it is in no part of the device."""
+    """Return the change of ln Z by an uneven thickness of a ceramic, shape (N,); 0 where the device has none."""
     f, model = recording.sweep.frequency, recording.model
     device = model if isinstance(model, Device) else Device(model)
     if name not in (layer.name for layer in stack_of(model).layers):

@@ -74,8 +74,8 @@ class ErrorSizes:
     def _none(self, name: str) -> float:
         """Return the prior probability that a part is absent, given the others.
 
-        An error-free fixture, an exact data sheet and parallel faces belong to an error-free instrument; and no real device was
-        measured with an error-free instrument: if the model itself has errors, so has the instrument.
+        An error-free fixture, an exact data sheet and parallel faces belong to an error-free instrument; and no real
+        device was measured with an error-free instrument: if the model itself has errors, so has the instrument.
         """
         if name == "fixture":
             return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE

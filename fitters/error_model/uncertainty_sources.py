@@ -109,8 +109,8 @@ class AttributedErrors:
     """Of a plausible size; what goes beyond it counts as an error of the model."""
     model: tuple[Complexes, ...]
     usual: tuple[Complexes, ...]
-    """Imperfections that every device has: weak lines, losses that change over the band, uneven thickness, and values of
-    the build that are off by no more than their tolerance."""
+    """Imperfections that every device has: weak lines, losses that change over the band, uneven thickness, and values
+    of the build that are off by no more than their tolerance."""
     left: tuple[Complexes, ...]
     """ln(Z_model/Z) minus all of these."""
 

@@ -27,7 +27,7 @@ class ModelUnderDiagnosis(Protocol):
         ...
 
     def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the values with the passive layers as the build states them."""
+        """Return the values with all layers as the build states them."""
         ...
 
     def constants(
@@ -60,10 +60,8 @@ class LayeredModel:
         return {**values, **{name: max(values[name], least) for name, least in thin.items()}}
 
     def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the values with the passive layers as the build states them."""
-        passive = tuple(f"{layer.name}." for layer in self.build.layers if layer.kind == "elastic")
-        stated = nominal_parameters(self.build).items()
-        return {**values, **{name: one for name, one in stated if name in values and name.startswith(passive)}}
+        """Return the values with all layers as the build states them."""
+        return {**values, **{name: one for name, one in nominal_parameters(self.build).items() if name in values}}
 
     def constants(
         self, steps: Sequence[str], values: Mapping[str, float], names: Sequence[str], covariance: Reals

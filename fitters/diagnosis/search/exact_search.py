@@ -7,16 +7,13 @@ effects alone explain a recording to its noise, only a search without errors fin
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-import numpy as np
-
-from ....models.effects import EffectParameter
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
 from ..decision_rules import ABSORBED, EXACT_FIRST, EXACT_LATER, LEFT, MOST, NEAR, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, fitted
 from ..hypotheses.problem import Candidate, Problem
-from .screening import ScreenedCandidate, screened
+from .screening import screened
 
 _EXACT = (ErrorSizes(),)
 
@@ -70,25 +67,13 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
         return []
     most, absorbed = (EXACT_LATER, 0.0) if parent.effects else (EXACT_FIRST, ABSORBED)
     chosen = [one for rank, one in enumerate(promises) if one.survives < absorbed or (rank < most and one.gain > WORTH)]
-    starts = [(one.candidate, start) for one in chosen for start in _starts(one)]
+    starts = [(one.candidate, start) for one in chosen for start in one.starts]
     minima = on_cores([partial(_minimum, problem, parent, one, start) for one, start in starts], jobs)
     return [
         at_minimum(problem, (*parent.effects, one), {**parent.values, **start}, minimum)
         for (one, start), minimum in zip(starts, minima, strict=True)
         if minimum is not None
     ]
-
-
-def _starts(one: ScreenedCandidate) -> list[dict[str, float]]:
-    """Return the start from screening and, for an effect that constants absorb, a large one: it lies far from there."""
-    large = {name: _large(knob) for name, knob in one.candidate.sizes if knob.from_nothing}
-    return [one.start, {**one.start, **large}] if one.survives < ABSORBED and large else [one.start]
-
-
-def _large(knob: EffectParameter) -> float:
-    """Return a size one standard deviation above its median."""
-    median, spread = knob.expected
-    return float(min(median * np.exp(spread), knob.upper))
 
 
 def _minimum(problem: Problem, parent: Hypothesis, one: Candidate, start: dict[str, float]) -> Minimum | None:

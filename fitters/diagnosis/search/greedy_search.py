@@ -197,6 +197,8 @@ class GreedySearch(FittedHypotheses):
         chosen = self._chosen(lists, parent, most, choosy=bool(parent.effects))
         if not parent.effects:
             chosen = {**_of_each_kind(lists[0]), **chosen}
+            for promise in (one for promises in lists for one in promises if one.absorbed):
+                chosen.setdefault(promise.candidate, []).append(promise)
         if like is not None:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
         names = ", ".join(one.effect.name for one in parent.effects)
@@ -248,16 +250,17 @@ class GreedySearch(FittedHypotheses):
     ) -> list[Plan]:
         near = tuple(dict.fromkeys((parent, like or parent)))
         sizes = (ErrorSizes(colour=parent.fit.sizes.colour), *(other.fit.sizes for other in near))
-        others = [other.values for other in near[1:]]
-        if parent.astray:  # what is missing has moved the constants of other layers: no effect would bring them back
-            others.append(self.problem.model.as_stated(parent.values))
+        bases = [other.values for other in near]
+        if parent.astray:  # by what is missing; an effect alone may not bring its constants back
+            bases.append(self.problem.model.as_stated(parent.values))
+        large = next((its.starts[1:] for its in promises if its.absorbed), [])
         return [
             Plan(
                 (*parent.effects, one),
                 {**parent.values, **promise.start},
                 sizes,
                 rounds=2,
-                others=tuple({**other, **promise.start} for other in others),
+                others=tuple({**base, **start} for base in bases for start in (promise.start, *large))[1:],
             )
             for promise in _apart(promises)
         ]

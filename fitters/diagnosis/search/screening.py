@@ -15,7 +15,7 @@ from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns, WeakLine
 from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import Kernel, PointErrors
-from ..decision_rules import NAMED
+from ..decision_rules import ABSORBED, NAMED
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 from .echo_delays import likely_delays
@@ -51,6 +51,23 @@ class ScreenedCandidate:
     """Part of its change, 0 to 1, that constants and errors cannot imitate."""
     twins: tuple[Candidate, ...] = ()
     """The same effect at places where symmetry makes it do exactly the same."""
+
+    @property
+    def absorbed(self) -> bool:
+        """Whether constants absorb its change, so that its gain says little."""
+        return self.survives < ABSORBED
+
+    @property
+    def starts(self) -> list[dict[str, float]]:
+        """The start and, for an effect that constants absorb, one with a large size: it lies far from there."""
+        large = {name: _large(knob) for name, knob in self.candidate.sizes if knob.from_nothing}
+        return [self.start, {**self.start, **large}] if self.absorbed and large else [self.start]
+
+
+def _large(knob: EffectParameter) -> float:
+    """Return a size one standard deviation above its median."""
+    median, spread = knob.expected
+    return float(min(median * np.exp(spread), knob.upper))
 
 
 def screened(
