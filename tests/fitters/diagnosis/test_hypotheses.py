@@ -28,6 +28,7 @@ from pzctl.fitters.diagnosis.hypotheses.size_priors import (
     width,
 )
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
+from pzctl.fitters.diagnosis.search.screening import ScreenedCandidate
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.interface import FitTask
@@ -307,3 +308,26 @@ def test_one_of_several_sizes_may_be_absent_but_not_all(lead_case) -> None:
     assert log_density(0.0, -6.0) == pytest.approx(log_density(-6.0, 0.0))
     assert log_density(0.0, -6.0) > log_density(0.0, 0.0) - np.log(10)
     assert log_density(-6.0, -6.0) < log_density(0.0, -6.0) - 3
+
+
+def test_constants_far_from_what_the_build_states_are_astray_and_can_begin_there_again(two_steps) -> None:
+    near = fitted(two_steps, (), two_steps.values, near=True, rounds=1)
+    assert not near.astray
+    elsewhere = tuple(replace(prior, mean=prior.mean + 5 * prior.u) for prior in two_steps.priors)
+    far = fitted(replace(two_steps, priors=elsewhere), (), near.values, near=True, rounds=0)
+    assert far.astray
+    glued = next(layer for layer in two_steps.model.build.layers if layer.kind == "elastic" and layer.values["z"].u)
+    stated = two_steps.model.as_stated({**near.values, f"{glued.name}.z": 1e5, "lead@terminals.inductance": 2e-8})
+    assert stated[f"{glued.name}.z"] == pytest.approx(glued.values["z"].re)
+    assert stated["lead@terminals.inductance"] == 2e-8, "no build states the effects that are sought"
+
+
+def test_an_effect_that_constants_absorb_is_tried_with_a_large_size_too(lead_case) -> None:
+    name = lead_case.lead.parameters[0]
+    median, spread = lead_case.lead.effect_parameters[0].expected
+    seen = ScreenedCandidate(lead_case.lead, 1.0, {name: 1e-12}, survives=0.5)
+    hidden = replace(seen, survives=0.05)
+    assert seen.starts == [{name: 1e-12}]
+    small, large = hidden.starts
+    assert small == {name: 1e-12}
+    assert large[name] == pytest.approx(median * np.exp(spread))

@@ -11,17 +11,18 @@ from hypothesis import strategies as st
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.error_model.error_sizes import ErrorSizes, factored
 from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
 from pzctl.fitters.error_model.point_covariance import Kernel, PointErrors, under_colour
-from pzctl.fitters.error_model.prior_scales import ROUGH_LENGTH
+from pzctl.fitters.error_model.prior_scales import ROUGH_LENGTH, UNEVEN
 from pzctl.fitters.error_model.smooth_basis import smooth
 from pzctl.fitters.error_model.uncertainty_sources import SOURCES, spread_of
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.layered.mason import Mason
 from pzctl.models.base.arrays import Reals
-from pzctl.models.effects import Device
+from pzctl.models.effects import Device, find_effect
 from pzctl.models.effects.base.corrected_constants import EVERYWHERE, CorrectedConstants, Corrections
 from pzctl.models.stack import ConstantLoss, Piezo
 from pzctl.models.stack.loss_laws import PowerLoss
@@ -60,6 +61,24 @@ def test_whitened_products_equal_those_of_the_dense_covariance(
     expected = X.real.T @ np.linalg.solve(K, X.real) + X.imag.T @ np.linalg.solve(K, X.imag)
     np.testing.assert_allclose(G, expected, rtol=1e-6, atol=1e-6 * float(np.max(np.abs(expected))))
     assert log_det == pytest.approx(2 * float(np.linalg.slogdet(K)[1]), rel=1e-8)
+
+
+def test_uneven_thickness_is_what_strips_of_different_thickness_do() -> None:
+    """A lead outside does not take part in the mean over the face."""
+    build = read_build(THESIS_BUILD)
+    stack = stack_of(build, build.step("disk"))
+    f = np.linspace(2e6, 13e6, 301)
+    lead = find_effect("lead-inductance")
+    device = Device(stack).with_effect(lead, "terminals", {"inductance": 2e-8})
+    nodes, weights = np.polynomial.hermite_e.hermegauss(9)
+    t = stack.parameters()["disk.thickness"]
+    strips = (stack.replace({"disk.thickness": t * (1 + UNEVEN * node)}) for node in nodes)
+    uneven = np.sum(weights) / sum(w / strip.impedance(f) for w, strip in zip(weights, strips, strict=True))
+    change = np.log((uneven + 2j * np.pi * f * 2e-8) / device.impedance(f))
+    found = device.assembly.unevenness(f, "disk", UNEVEN)
+    assert np.max(np.abs(found - change)) < 0.02 * np.max(np.abs(change))
+    wedge = device.with_effect(find_effect("thickness-variation"), "layer:disk", {"variance": 1e-6})
+    assert not np.any(wedge.assembly.unevenness(f, "disk", UNEVEN)), "the effect says it all"
 
 
 def test_a_few_smooth_functions_represent_the_process() -> None:
