@@ -253,7 +253,7 @@ class GreedySearch(FittedHypotheses):
         bases = [other.values for other in near]
         if parent.astray:  # by what is missing; an effect alone may not bring its constants back
             bases.append(self.problem.model.as_stated(parent.values))
-        large = next((its.starts[1:] for its in promises if its.absorbed), [])
+        large = next((its.starts[1:] for its in promises if its.absorbed), list[dict[str, float]]())
         return [
             Plan(
                 (*parent.effects, one),
