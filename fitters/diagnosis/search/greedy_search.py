@@ -250,7 +250,7 @@ class GreedySearch(FittedHypotheses):
     ) -> list[Plan]:
         near = tuple(dict.fromkeys((parent, like or parent)))
         sizes = (ErrorSizes(colour=parent.fit.sizes.colour), *(other.fit.sizes for other in near))
-        bases = [other.values for other in near]
+        bases: list[Mapping[str, float]] = [other.values for other in near]
         if parent.astray:  # by what is missing; an effect alone may not bring its constants back
             bases.append(self.problem.model.as_stated(parent.values))
         large = next((its.starts[1:] for its in promises if its.absorbed), list[dict[str, float]]())
