@@ -12,13 +12,13 @@ from pzctl.models.effects import Device, lead_inductance, thickness_variation
 F = np.linspace(2e6, 6e6, 201)
 
 
-def diagnosed(device: Model, accuracy: float, effects: list[str]) -> DiagnosisAnalysis:
+def diagnosed(device: Model, accuracy: float, effects: list[str], step: str = "disk") -> DiagnosisAnalysis:
     """Return the diagnosis of a recording by an analyzer that errs by its accuracy, with a noise of 1e-6."""
     noise = np.random.default_rng(1).normal(scale=1e-6, size=(2, F.size))
     gain = accuracy * np.log(F / 3.5e6)
     Z = device.impedance(F) * np.exp(gain + noise[0] + 1j * noise[1])
     sweep = pzctl.Sweep(F, Z, settings={"accuracy": accuracy})
-    return pzctl.diagnose(THESIS_BUILD, {"disk": sweep}, effects=effects)
+    return pzctl.diagnose(THESIS_BUILD, {step: sweep}, effects=effects)
 
 
 def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
@@ -35,16 +35,26 @@ def test_two_picohenry_are_no_mismatch(accuracy: float) -> None:
     assert "differ" not in str(diagnosis)
 
 
+def uneven(step: str, variance: float) -> DiagnosisAnalysis:
+    """Return the diagnosis of a step whose last layer has this variance of its relative thickness."""
+    where, model = f"layer:{step}", pzctl.model(THESIS_BUILD, step)
+    device = Device(model).with_effect(thickness_variation.EFFECT, where, {"variance": variance})
+    return diagnosed(device, 8e-4, ["thickness-variation", "series-resistance"], step)
+
+
 def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
-    uneven = thickness_variation.EFFECT
-    device = Device(pzctl.model(THESIS_BUILD, "disk")).with_effect(uneven, "layer:disk", {"variance": 4e-8})
-    diagnosis = diagnosed(device, 8e-4, ["thickness-variation", "series-resistance"])
+    diagnosis = uneven("ml1", 1e-6)
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
     assert [one.effect for one in diagnosis.result.remarks] == ["thickness-variation"]
     said = " ".join(str(diagnosis).split())
     assert said.startswith("Model and recording agree to within the noise")
-    assert "remark, no mismatch: layer:disk" in said
+    assert "remark, no mismatch: layer:ml1" in said
     assert "% (rms) and no constant by its uncertainty" in said
+
+
+def test_faces_of_a_disk_as_parallel_as_those_of_any_are_not_even_a_remark() -> None:
+    diagnosis = uneven("disk", 4e-8)
+    assert (diagnosis.verdict, diagnosis.findings, diagnosis.result.remarks) == ("no-mismatch", (), ())
 
 
 def test_a_lead_as_short_as_the_usual_residual_of_a_fixture_is_no_finding() -> None:
