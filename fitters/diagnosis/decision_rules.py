@@ -28,6 +28,9 @@ EXACT_FIRST, EXACT_LATER = 12, 8
 ABSORBED = 0.1
 """Part of an effect's change that the constants leave, below which its gain says little: what decides is of second
 order, and the effect is fitted whatever its gain."""
+ASTRAY = 0.05
+"""Probability that constants and dimensions of a right model are further from the build. Where they are, something
+missing has probably moved them, and fits also begin where the build states them: all it costs is time."""
 UNFINISHED = 5
 """Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of one: a
 probability is computed from how well it describes the recordings where it ended."""

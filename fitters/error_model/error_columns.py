@@ -311,18 +311,14 @@ def _uneven(add: _Add, places: Sequence[LinearisedRecording]) -> None:
         layer.name for p in places for layer in stack_of(p.recording.model).layers if isinstance(layer, Piezo)
     )
     for name in names:
-        of = _at(places, [_unevenness(p.recording, name) for p in places])
-        add("uneven", 0.0, lambda p, of=of: of[id(p)])
+        add("uneven", 0.0, lambda p, name=name: _unevenness(p.recording, name))
 
 
 def _unevenness(recording: Recording, name: str) -> Complexes:
-    """Return the change of ln Z by an uneven thickness of a ceramic, shape (N,); 0 where the device has none."""
-    f, model = recording.sweep.frequency, recording.model
+    """Return the change of ln Z by an uneven thickness of a ceramic, shape (N,)."""
+    model = recording.model
     device = model if isinstance(model, Device) else Device(model)
-    if name not in (layer.name for layer in stack_of(model).layers):
-        return np.zeros(f.size, np.complex128)
-    change = device.assembly.unevenness(f, name, scales.UNEVEN)
-    return np.conj(change) if device.assembly.conjugated else change
+    return device.unevenness(recording.sweep.frequency, name, scales.UNEVEN)
 
 
 def _correction(

@@ -77,12 +77,8 @@ class ErrorSizes:
         An error-free fixture, an exact data sheet and parallel faces belong to an error-free instrument; and no real
         device was measured with an error-free instrument: if the model itself has errors, so has the instrument.
         """
-        if name == "fixture":
-            return scales.NONE["fixture"] if self.slow > 0 or self.fast > 0 else scales.EXACT_FIXTURE
-        if name == "held":
-            return scales.NONE["held"] if self.slow > 0 or self.fast > 0 else scales.EXACT_SHEET
-        if name == "uneven":
-            return scales.NONE["uneven"] if self.slow > 0 or self.fast > 0 else scales.EVEN
+        if name in scales.SIMULATED and not (self.slow > 0 or self.fast > 0):
+            return scales.SIMULATED[name]
         if name == "slow" and any((self.tau, self.rho, self.losses, self.shape, self.bend)):
             return scales.FLAWLESS
         return scales.NONE[name]

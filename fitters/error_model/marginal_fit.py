@@ -250,20 +250,20 @@ def fit(
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
-            best = max(best, replace(now, sizes=sizes), key=_worth)
+            best = _better(best, replace(now, sizes=sizes))
         last, now = now, now.next(sizes, fast, _RELAXATION if held else 1.0, _CLOSE if compared else _NEAR)
         if now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
             # The quadratic expansion by which these were chosen promised more than it kept.
             now, sizes, held = last, last.sizes, True
             continue
-        best = max(now, best, key=_worth)
+        best = _better(now, best)
         # without errors evidence depends on no columns
         exact = (fixed or held) and now.made.exact(sizes)
         converged = now.steps < _STEPS and (exact or abs(now.log_evidence - before) < _SETTLED)
         if (k >= rounds - 1 and converged) or (k > 0 and now.steps <= 1 and now.remainder < _LINEAR):
             break
         before = now.log_evidence
-    if _worth(best) > _worth(now) + _SETTLED:
+    if best.worth > now.worth + _SETTLED:
         now, sizes, converged = best, best.sizes, False
     minimum = Minimum(now.x, sizes, fast, converged, now.marginal.corrections)
     return MarginalFit(now.marginal, minimum, now.made.value(sizes), now.made)
@@ -310,14 +310,18 @@ class _Round:
         """Logarithm of the marginal likelihood where it ended."""
         return self.made.value(self.sizes).log_evidence
 
+    @cached_property
+    def worth(self) -> float:
+        """The same without what is only promised; minus infinity if there is no covariance."""
+        try:
+            value = self.made.value(self.sizes)
+        except np.linalg.LinAlgError:
+            return -np.inf
+        return value.log_evidence - _promised(value)
 
-def _worth(one: _Round) -> float:
-    """Return ln evidence without what is only promised; minus infinity if there is no covariance."""
-    try:
-        value = one.made.value(one.sizes)
-    except np.linalg.LinAlgError:
-        return -np.inf
-    return value.log_evidence - _promised(value)
+
+def _better(one: _Round, other: _Round) -> _Round:
+    return one if one.worth >= other.worth else other
 
 
 def _recorrected(marginal: Marginal, x: Reals, made: Gram, sizes: ErrorSizes) -> tuple[Marginal, float]:

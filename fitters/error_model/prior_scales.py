@@ -71,9 +71,6 @@ NONE = {
 """Prior probability that a part of the error is absent; the other values of its grid share the rest."""
 FLAWLESS = 0.02
 """The same for the slow instrument error if the model is not exact, which implies a real recording."""
-EXACT_FIXTURE = 0.999
-"""The same for the fixture if the instrument has no error at all, which implies a simulated recording."""
-EXACT_SHEET = 0.99
-"""The same for values that a build holds as exact."""
-EVEN = 0.999
-"""The same for uneven thickness."""
+SIMULATED = {"fixture": 0.999, "held": 0.99, "uneven": 0.999}
+"""The same for what no simulated recording has, if the instrument has no error at all, which implies one: a fixture's
+residual, values that are off though a build holds them as exact, and uneven thickness."""

@@ -17,12 +17,11 @@ from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
-from ..decision_rules import APPROXIMATE, COARSENED, LEFT, ODDS
+from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, log_tails_of, slopes_by_formula
 
 _EMPTY = ErrorSizes()
-_ONE_IN_TWENTY = 0.05
 _NEGLIGIBLE = 30.0
 """ln odds from which a hypothesis counts as impossible: 1e-13."""
 
@@ -110,7 +109,7 @@ class Hypothesis:
     def astray(self) -> bool:
         """Whether its dimensions and constants are further from the build than those of one build in twenty."""
         away = self.objective.prior_deviations(self.values)
-        return away.size > 0 and float(away @ away) > float(chdtri(away.size, _ONE_IN_TWENTY))
+        return away.size > 0 and float(away @ away) > float(chdtri(away.size, ASTRAY))
 
     @property
     def coarseness(self) -> float:

@@ -10,7 +10,7 @@ from functools import partial
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
-from ..decision_rules import ABSORBED, EXACT_FIRST, EXACT_LATER, LEFT, MOST, NEAR, UNFINISHED, WORTH
+from ..decision_rules import EXACT_FIRST, EXACT_LATER, LEFT, MOST, NEAR, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import screened
@@ -65,8 +65,11 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
     *_, promises = screened(problem, parent, beside(parent.effects, candidates), jobs)
     if not promises or _hopeless(parent, promises[0].gain):
         return []
-    most, absorbed = (EXACT_LATER, 0.0) if parent.effects else (EXACT_FIRST, ABSORBED)
-    chosen = [one for rank, one in enumerate(promises) if one.survives < absorbed or (rank < most and one.gain > WORTH)]
+    first = not parent.effects
+    most = EXACT_FIRST if first else EXACT_LATER
+    chosen = [
+        one for rank, one in enumerate(promises) if (first and one.absorbed) or (rank < most and one.gain > WORTH)
+    ]
     starts = [(one.candidate, start) for one in chosen for start in one.starts]
     minima = on_cores([partial(_minimum, problem, parent, one, start) for one, start in starts], jobs)
     return [

@@ -254,16 +254,11 @@ class GreedySearch(FittedHypotheses):
         if parent.astray:  # by what is missing; an effect alone may not bring its constants back
             bases.append(self.problem.model.as_stated(parent.values))
         large = next((its.starts[1:] for its in promises if its.absorbed), list[dict[str, float]]())
-        return [
-            Plan(
-                (*parent.effects, one),
-                {**parent.values, **promise.start},
-                sizes,
-                rounds=2,
-                others=tuple({**base, **start} for base in bases for start in (promise.start, *large))[1:],
-            )
-            for promise in _apart(promises)
-        ]
+        plans: list[Plan] = []
+        for promise in _apart(promises):
+            first, *others = ({**base, **start} for base in bases for start in (promise.start, *large))
+            plans.append(Plan((*parent.effects, one), first, sizes, rounds=2, others=tuple(others)))
+        return plans
 
     def thin(self, one: Hypothesis) -> None:
         """Remove effects from the best hypothesis one by one while that improves it."""

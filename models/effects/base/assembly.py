@@ -281,7 +281,7 @@ class Assembly:
         """Return the change of ln Z if a layer's thickness deviates by this relative standard deviation, shape (N,).
 
         It deviates by as much to either side on half of the face each. To first order in admittance; 0 for a device
-        that is no stack, and where an effect states how the thickness is distributed.
+        that is no stack or has no such layer, and where an effect states how the thickness is distributed.
         """
         change, name = np.zeros(frequency.size, np.complex128), f"{layer}.thickness"
         for part in self.parts:

@@ -137,6 +137,11 @@ class Device:
         ]
         return Z, np.array(derivatives, np.complex128).reshape(len(names), frequency.size)
 
+    def unevenness(self, frequency: Frequencies, layer: str, spread: float) -> Complexes:
+        """Return the change of ln Z by a layer of uneven thickness, shape (N,); see `Assembly.unevenness`."""
+        change = self.assembly.unevenness(frequency, layer, spread)
+        return np.conj(change) if self.assembly.conjugated else change
+
     @property
     def assembly(self) -> Assembly:
         """The device with all its effects, ready to be evaluated."""

@@ -75,10 +75,10 @@ def test_uneven_thickness_is_what_strips_of_different_thickness_do() -> None:
     strips = (stack.replace({"disk.thickness": t * (1 + UNEVEN * node)}) for node in nodes)
     uneven = np.sum(weights) / sum(w / strip.impedance(f) for w, strip in zip(weights, strips, strict=True))
     change = np.log((uneven + 2j * np.pi * f * 2e-8) / device.impedance(f))
-    found = device.assembly.unevenness(f, "disk", UNEVEN)
+    found = device.unevenness(f, "disk", UNEVEN)
     assert np.max(np.abs(found - change)) < 0.02 * np.max(np.abs(change))
     wedge = device.with_effect(find_effect("thickness-variation"), "layer:disk", {"variance": 1e-6})
-    assert not np.any(wedge.assembly.unevenness(f, "disk", UNEVEN)), "the effect says it all"
+    assert not np.any(wedge.unevenness(f, "disk", UNEVEN)), "the effect says it all"
 
 
 def test_a_few_smooth_functions_represent_the_process() -> None:
