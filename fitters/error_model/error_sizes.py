@@ -131,6 +131,19 @@ class Value:
     """Newton step to the minimum, shape (M,)."""
 
 
+@dataclass(frozen=True, eq=False)
+class Expansion:
+    """Marginal likelihood at one point, with what tells how the derivatives change from there."""
+
+    value: Value
+    J: Sequence[Complexes]
+    """Derivatives of the residuals of each recording, shape (N, M)."""
+    seen: WhitenedColumns
+    """These and the residuals, whitened."""
+    B: Reals
+    """Products of these with the columns of errors, whitened."""
+
+
 @dataclass(eq=False)
 class Gram:
     """Inner products of columns, derivatives and residual by colour and roughness, and marginal likelihoods; cached."""
@@ -154,7 +167,7 @@ class Gram:
         G, log_det = self._gram(sizes.colour, sizes.rough)
         on, d, L, log_S = self._present(sizes)
         C = len(self.columns.parts)
-        return valued(G[C:, C:], L, d[:, None] * G[on, C:], log_S + log_det, self.before, sizes)
+        return valued(G[C:, C:], whitened_by(L, d[:, None] * G[on, C:]), log_S + log_det, self.before, sizes)
 
     def _present(self, sizes: ErrorSizes) -> tuple[NDArray[np.intp], Reals, Reals, float]:
         """Return indices and scales of the columns that are there, and what `factored` returns for them."""
@@ -212,16 +225,17 @@ def _cholesky(S: Reals) -> Reals:
     raise np.linalg.LinAlgError("no covariance")
 
 
-def valued(X: Reals, L: Reals, GX: Reals, log_K: float, before: Beforehand, sizes: ErrorSizes) -> Value:
-    """Return the marginal likelihood from products of derivatives and residual, `X`, and of these with columns, `GX`.
+def whitened_by(L: Reals, GX: Reals) -> Reals:
+    """Return products with columns of errors, whitened by the factor `L` from `factored`."""
+    return np.asarray(dtrtrs(L, np.asfortranarray(GX), lower=1)[0] if L.size else np.zeros((0, GX.shape[1])))
 
-    `log_K` is ln of the determinant of the whole covariance, `L` the factor from `factored`.
+
+def valued(X: Reals, B: Reals, log_K: float, before: Beforehand, sizes: ErrorSizes) -> Value:
+    """Return the marginal likelihood from products of derivatives and residual, `X`, and `B` from `whitened_by`.
+
+    `log_K` is ln of the determinant of the whole covariance.
     """
-    if L.size:
-        B, _ = dtrtrs(L, np.asfortranarray(GX), lower=1)
-        left = X - B.T @ B
-    else:
-        left = X
+    left = X - B.T @ B
     H = left[:-1, :-1] + before.P
     g, q = left[:-1, -1] + before.g, float(left[-1, -1]) + before.q
     unit = np.sqrt(np.maximum(np.diag(H), 1e-300))
@@ -257,18 +271,24 @@ class Held:
     def here(self, r: Sequence[Complexes], known: float) -> float:
         """Return `Value.here` at another point from its residuals; `known`: sum of squares of the priors' residuals."""
         seen = self.kernel.white([own[:, None] for own in self.columns.beyond(r)])
-        total = float(seen.squared()[0, 0]) + known + self.log_S + self.kernel.log_det
-        if self.L.size:
-            b, _ = dtrtrs(self.L, np.asfortranarray(self.d[:, None] * self.white.times(seen)), lower=1)
-            total -= float(np.sum(b**2))
-        return total
+        b = self._beside(seen)
+        return float(seen.squared()[0, 0]) + known + self.log_S + self.kernel.log_det - float(np.sum(b**2))
 
-    def value(self, J: Sequence[Complexes], r: Sequence[Complexes], before: Beforehand) -> Value:
+    def expanded(self, J: Sequence[Complexes], r: Sequence[Complexes], before: Beforehand) -> Expansion:
         """Return the marginal likelihood at another point."""
         beyond = self.columns.beyond(r)
         seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, beyond, strict=True)])
-        GX = self.d[:, None] * self.white.times(seen)
-        return valued(seen.squared(), self.L, GX, self.log_S + self.kernel.log_det, before, self.sizes)
+        B = self._beside(seen)
+        value = valued(seen.squared(), B, self.log_S + self.kernel.log_det, before, self.sizes)
+        return Expansion(value, J, seen, B)
+
+    def gradient(self, at: Expansion, change: Sequence[Complexes]) -> Reals:
+        """Return J^T C^-1 y for a change y of the residuals at a point, shape (M,); C has all errors."""
+        seen = self.kernel.white([own[:, None] for own in change])
+        return np.asarray(at.seen.times(seen)[:-1, 0] - at.B[:, :-1].T @ self._beside(seen)[:, 0], np.float64)
+
+    def _beside(self, seen: WhitenedColumns) -> Reals:
+        return whitened_by(self.L, self.d[:, None] * self.white.times(seen))
 
 
 def rough_guess(made: Gram) -> ErrorSizes:

@@ -21,7 +21,7 @@ from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
 from ..engine.recording import Recording
 from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
-from .error_sizes import Beforehand, Gram, Held, Value
+from .error_sizes import Beforehand, Expansion, Gram, Held
 
 _UNINFORMED = 1 / 9
 """Prior precision of a coordinate about which nothing is known: a logarithm is known within a factor of twenty.
@@ -189,9 +189,9 @@ class Marginal:
         J = self._unweighted(self._corrected.jacobian(x).T)
         return Gram(columns, J, columns.beyond(self.residuals(x)), self.beforehand(x))
 
-    def value(self, x: Reals, held: Held) -> Value:
+    def expanded(self, x: Reals, held: Held) -> Expansion:
         """Return the marginal likelihood at a point, with the columns of errors fixed."""
-        return held.value(self._unweighted(self._corrected.jacobian(x).T), self.residuals(x), self.beforehand(x))
+        return held.expanded(self._unweighted(self._corrected.jacobian(x).T), self.residuals(x), self.beforehand(x))
 
     def models(self, x: Reals) -> Sequence[Model]:
         """Return the corrected model of each recording."""

@@ -11,7 +11,7 @@ from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects.base.corrected_constants import Corrections
 from .error_columns import ErrorColumns, Part
-from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, rough_guess
+from .error_sizes import USUAL, ErrorSizes, Expansion, Gram, Held, Value, chosen, rough_guess
 from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
 
@@ -38,6 +38,9 @@ _SHORT = 3
 """Number of short steps in succession after which a descent ends in a curved valley."""
 _WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
+_ALONG, _BENT = 0.1, 0.375
+"""Part of a step over which its second derivative is taken, and the largest part of a step by which it is bent
+(Transtrum and Sethna, arXiv:1201.5885)."""
 _FURTHEST = 1.5
 """Longest step in any coordinate (a logarithm, or prior standard deviations) for which the model is nearly linear."""
 
@@ -347,16 +350,20 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
     method, IMM-REP-1999-05). In a curved valley all damped steps are short, and none means that the minimum is near.
     """
     damping, growth, short, used = 0.0, _DAMPED, 0, 0
-    value = marginal.value(x, held)
+    at = marginal.expanded(x, held)
+    r = marginal.residuals(x)
     for _ in range(most):
+        value = at.value
         if float(value.step @ value.H @ value.step) < close or short > _SHORT:
             break
-        step = value.step if damping == 0 else _damped(value, damping)
+        step = _damped(value, value.step, damping)
         step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
         used += 1
-        fall = value.here - held.here(marginal.residuals(x + step), marginal.against(x + step))
+        bent = step + _acceleration(marginal, x, held, at, r, step, damping)
+        there = marginal.residuals(x + bent)
+        fall = value.here - held.here(there, marginal.against(x + bent))
         if fall > 0:
-            x = x + step
+            x, r = x + bent, there
             if damping == 0 and fall < close:
                 break
             expected = float((2 * value.step - step) @ value.H @ step)
@@ -365,7 +372,7 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
             damping = damping if damping > _UNDAMPED else 0.0
             short = short + 1 if fall < close else 0
             try:
-                value = marginal.value(x, held)
+                at = marginal.expanded(x, held)
             except np.linalg.LinAlgError:
                 break
         else:
@@ -375,7 +382,28 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
     return x, used
 
 
-def _damped(value: Value, damping: float) -> Reals:
+def _acceleration(
+    marginal: Marginal, x: Reals, held: Held, at: Expansion, r: Sequence[Complexes], step: Reals, damping: float
+) -> Reals:
+    """Return by how much a step along a curved valley is bent; nothing where the valley is not smooth enough.
+
+    M. K. Transtrum, B. B. Machta and J. P. Sethna, Phys. Rev. E 83 (2011) 036701: half the geodesic acceleration, from
+    the second derivative of the residuals along the step.
+    """
+    near = marginal.residuals(x + _ALONG * step)
+    second = [2 / _ALONG * ((b - a) / _ALONG - J @ step) for a, b, J in zip(r, near, at.J, strict=True)]
+    if not all(np.all(np.isfinite(own)) for own in second):
+        return np.zeros_like(step)
+    newton = -np.linalg.solve(at.value.H, held.gradient(at, second))
+    bend = _damped(at.value, newton, damping) / 2
+    length, bent = (float(np.sqrt(np.diag(at.value.H) @ one**2)) for one in (step, bend))
+    return bend if bent <= _BENT * length else np.zeros_like(step)
+
+
+def _damped(value: Value, newton: Reals, damping: float) -> Reals:
+    """Return a Newton step with damping."""
+    if damping == 0:
+        return newton
     unit = np.sqrt(np.where(np.diag(value.H) > 0, np.diag(value.H), 1.0))
     H = value.H / unit / unit[:, None]
-    return np.asarray(np.linalg.solve(H + damping * np.eye(unit.size), H @ (value.step * unit)) / unit, np.float64)
+    return np.asarray(np.linalg.solve(H + damping * np.eye(unit.size), H @ (newton * unit)) / unit, np.float64)
