@@ -45,6 +45,15 @@ class WeakLine:
         residue = scales.LINE / self.q * capacitance
         return np.asarray(residue * branch(j_omega(frequency), 2 * np.pi * self.frequency, self.q), np.complex128)
 
+    def shifted(self, frequency: Frequencies, capacitance: float) -> Complexes:
+        """Return by how much the admittance is changed by the usual error of the line's frequency, shape (N,).
+
+        In quadrature it is the change by an error of Q.
+        """
+        off = scales.LINE_OFF / self.q
+        above, below = (replace(self, frequency=self.frequency * (1 + way * off)) for way in (1, -1))
+        return (above.admittance(frequency, capacitance) - below.admittance(frequency, capacitance)) / 2
+
 
 _SHOWS = 1.0
 """Change of chi2 by the error of a formula from which that counts: less is no evidence of anything."""
@@ -374,24 +383,25 @@ def _formula(add: _Add, places: Sequence[LinearisedRecording], functions: Sequen
 
 
 def _lines(add: _Add, places: Sequence[LinearisedRecording], lines: Sequence[WeakLine]) -> None:
-    """Add the residues of weak lines."""
+    """Add the residues of weak lines, and the errors of their frequencies and Q."""
     for line in lines:
-        own = [line_admittance(p.recording, line) for p in places]
-        for unit in (1.0, 1j):
-            one = ColumnCorrection(SHUNT, tuple(_complex(unit * Y) for Y in own))
-            _correction(add, "line", 0.0, places, _path_slopes(SHUNT, places), one)
+        for made in (line.admittance, line.shifted):
+            own = [_in_its_step(p.recording, line, made) for p in places]
+            for unit in (1.0, 1j):
+                one = ColumnCorrection(SHUNT, tuple(_complex(unit * Y) for Y in own))
+                _correction(add, "line", 0.0, places, _path_slopes(SHUNT, places), one)
 
 
-def line_admittance(recording: Recording, line: WeakLine) -> Complexes:
-    """Return the admittance of a weak line in a recording, shape (N,); zero in another step's."""
+def _in_its_step(recording: Recording, line: WeakLine, made: Callable[[Frequencies, float], Complexes]) -> Complexes:
+    """Return what a weak line makes in a recording, shape (N,); zero in another step's."""
     if recording.step != line.step:
         return np.zeros(recording.sweep.frequency.size, np.complex128)
-    return line.admittance(recording.sweep.frequency, capacitance(stack_of(recording.model)))
+    return made(recording.sweep.frequency, capacitance(stack_of(recording.model)))
 
 
 def line_columns(recording: Recording, Z: Impedances, line: WeakLine) -> Complexes:
     """Return the columns of a weak line in a recording, in phase and in quadrature, shape (N, 2)."""
-    change = -Z * line_admittance(recording, line)
+    change = -Z * _in_its_step(recording, line, line.admittance)
     return np.stack([change, 1j * change], axis=1)
 
 

@@ -25,6 +25,10 @@ SHAPE = 0.1
 SHAPE_LENGTH = 1.0
 LINE = 5e-3
 """Height of a weak line, a further resonance too small to be named, where |Z| is that of the clamped capacitance."""
+LINE_OFF = 0.1
+"""Error of a weak line's frequency in units of its width (and of its Q, relative), times its height in units of LINE.
+
+It is read from what one hypothesis leaves of a recording, and is not fitted again with others."""
 ROUGH_LENGTH = 0.015
 """Correlation length in ln f of the rough error: weak lines and scatter."""
 ROUGH_FLOOR = 0.5

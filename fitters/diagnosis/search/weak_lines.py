@@ -161,8 +161,10 @@ class _Residual:
         u = np.log(f)
         made: list[WeakLine] = []
         for q in _QS:
-            at = np.arange(u[0] + 1 / q, u[-1] - 1 / q, _SPACING / q)
-            points = np.searchsorted(u, at + 0.5 / q) - np.searchsorted(u, at - 0.5 / q)
+            # one that is centred just outside the band shows its flank
+            at = np.arange(u[0] - 1 / q, u[-1] + 1 / q, _SPACING / q)
+            inside = np.clip(at, u[0] + 0.5 / q, u[-1] - 0.5 / q)
+            points = np.searchsorted(u, inside + 0.5 / q) - np.searchsorted(u, inside - 0.5 / q)
             made += [WeakLine(self.step, float(np.exp(one)), q) for one in at[points >= _ON_A_LINE]]
         return made
 

@@ -18,6 +18,7 @@ from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Device, EffectParameter, find_effect
 from pzctl.models.sweep import Sweep
+from pzctl.sim.bench.sample import sample
 
 POSITIVE = EffectParameter("mass", "kg/m2", typical=1.0, upper=10.0)
 EITHER = EffectParameter("gain", "1", typical=1.0, lower=-5.0, upper=5.0)
@@ -53,6 +54,44 @@ def test_a_strong_line_is_where_a_resonance_is_tried_and_is_no_weak_line(bare: D
     assert found.candidate.effect.name == "spurious-resonance"
     assert start["frequency"] == pytest.approx(mode["frequency"], rel=0.01)
     assert start["stiffness"] == pytest.approx(mode["stiffness"], rel=0.7)
+
+
+def test_a_resonance_just_outside_the_band_is_a_line_whose_flank_is_seen(bare: Device, nothing: FitTask) -> None:
+    f = nothing.sweeps["disk"][0].frequency
+    beyond = 1.003 * f[-1]
+    device = bare.with_effect(
+        find_effect("spurious-resonance"), "layer:disk", {"stiffness": 2e-4, "frequency": beyond, "q": 60.0}
+    )
+    noise = np.random.default_rng(4).standard_normal((2, f.size))
+    recorded = Sweep(f, device.impedance(f) * np.exp(1e-4 * (noise[0] + 1j * noise[1])))
+    problem = Problem.of(solve(replace(nothing, sweeps={"disk": (recorded,)}), lambda _: None), None)
+    lines = weak_lines(fitted(problem, (), problem.values, near=True))
+    assert [line.frequency for line in lines[:1]] == pytest.approx([beyond], rel=0.01)
+
+
+def test_a_fit_follows_a_curved_valley(nothing: FitTask) -> None:
+    """A dead layer, a capacitance and constants replace each other: one of these starts lost 30 nats to the other."""
+    f = np.linspace(1.5e6, 12e6, 401)
+    layer = {"back": 2e-5, "front": 2e-5, "stiffness": 0.85, "permittivity": 1.2}
+    device = Device(sample(0).stack("disk")).with_effect(find_effect("surface-layer"), "layer:disk", layer)
+    device = device.with_effect(find_effect("stray-capacitance"), "terminals", {"capacitance": 1e-10, "loss": 0.01})
+    noise = np.random.default_rng(0).standard_normal((f.size, 2)) @ [1, 1j]
+    recorded = Sweep(f, device.impedance(f) * np.exp(2e-4 * noise))
+    problem = Problem.of(solve(replace(nothing, sweeps={"disk": (recorded,)}), lambda _: None), None)
+    found = candidates(problem, ("surface-layer", "stray-capacitance"))
+    both = [next(one for one in found if one.effect.name == name) for name in ("surface-layer", "stray-capacitance")]
+    knobs = [pair for one in both for pair in zip(one.parameters, one.effect_parameters, strict=True)]
+
+    def evidence(seed: int) -> float:
+        sizes = {
+            name: float(np.clip(knob.expected[0] * np.exp(0.7 * z), knob.lower, knob.upper))
+            for (name, knob), z in zip(knobs, np.random.default_rng(seed).normal(size=len(knobs)), strict=True)
+            if knob.from_nothing
+        }
+        start = {name: knob.null for name, knob in knobs} | sizes
+        return fitted(problem, both, {**problem.values, **start}, near=True, rounds=4).log_evidence
+
+    assert abs(evidence(0) - evidence(3)) < 5
 
 
 def test_the_score_test_ranks_the_true_effect_first(lead_case) -> None:

@@ -12,11 +12,12 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.parameters.assembly import stack_of
+from pzctl.fitters.error_model.error_columns import WeakLine
 from pzctl.fitters.error_model.error_sizes import ErrorSizes, factored
 from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
 from pzctl.fitters.error_model.point_covariance import Kernel, PointErrors, under_colour
-from pzctl.fitters.error_model.prior_scales import ROUGH_LENGTH, UNEVEN
+from pzctl.fitters.error_model.prior_scales import LINE_OFF, ROUGH_LENGTH, UNEVEN
 from pzctl.fitters.error_model.smooth_basis import smooth
 from pzctl.fitters.error_model.uncertainty_sources import SOURCES, spread_of
 from pzctl.fitters.interface import FitTask
@@ -86,6 +87,20 @@ def test_a_few_smooth_functions_represent_the_process() -> None:
     B = smooth(u, (0.0, 1.5), 0.8, 12)
     d = np.sqrt(5) * np.abs(np.subtract.outer(u, u)) / 0.8
     np.testing.assert_allclose(B @ B.T, (1 + d + d**2 / 3) * np.exp(-d), atol=2e-3)
+
+
+@given(st.floats(-1, 1), st.floats(-1, 1))
+def test_a_line_may_be_off_in_frequency_and_q_by_a_tenth_of_its_width(apart: float, broader: float) -> None:
+    f, C = np.linspace(2.9e6, 3.1e6, 201), 1e-9
+    line = WeakLine("disk", 3e6, 60.0)
+    off = replace(line, frequency=line.frequency * (1 + apart * LINE_OFF / line.q), q=line.q * (1 + broader * LINE_OFF))
+    own, moved = line.admittance(f, C), line.shifted(f, C)
+    rows = np.stack([own, 1j * own, moved, 1j * moved], axis=1)
+    real = np.concatenate([rows.real, rows.imag])
+    wanted = off.admittance(f, C)
+    change, *_ = np.linalg.lstsq(real, np.concatenate([wanted.real, wanted.imag]), rcond=None)
+    assert np.max(np.abs(rows @ change - wanted)) < 0.02 * np.max(np.abs(own))
+    assert np.linalg.norm(change[2:]) < 2
 
 
 def test_a_matrix_that_is_indefinite_by_rounding_can_be_factorised() -> None:
