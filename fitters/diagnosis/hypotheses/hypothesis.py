@@ -57,12 +57,16 @@ class Hypothesis:
     def log_left(self) -> float:
         """Logarithm of how usual it is to leave so much, relative to a good device that leaves nothing.
 
-        It is the density of the rms left, by odds a mixture of two: half normal for the imperfections of a good device;
-        for a cause that no effect describes uniform in its logarithm from LEFT to 1, continued as a constant below.
+        It is the density of the rms left, by odds a mixture of two: imperfections of a good device, or a cause that no
+        effect describes.
         """
-        usual = np.exp(-0.5 * (self.unexplained / LEFT) ** 2)
-        other = np.sqrt(np.pi / 2) * LEFT / max(self.unexplained, LEFT) / -np.log(LEFT)
-        return float(np.log((1 - ODDS) * usual + ODDS * other))
+        return float(np.log(sum(_ways_to_leave(self.unexplained))))
+
+    @property
+    def cause_left(self) -> float:
+        """Probability that what it leaves has a cause that no effect describes, by the same mixture."""
+        usual, other = _ways_to_leave(self.unexplained)
+        return other / (usual + other)
 
     @property
     def unexplained(self) -> float:
@@ -120,6 +124,17 @@ class Hypothesis:
     def objective(self) -> Objective:
         """The objective, weighted by noise alone."""
         return self.fit.marginal.objective
+
+
+def _ways_to_leave(left: float) -> tuple[float, float]:
+    """Return the densities of an rms left by a good device, and by a cause that no effect describes, with their odds.
+
+    Half normal for imperfections; uniform in its logarithm from LEFT to 1 for a cause, continued as a constant below.
+    Relative to the largest of the former.
+    """
+    usual = np.exp(-0.5 * (left / LEFT) ** 2)
+    other = np.sqrt(np.pi / 2) * LEFT / max(left, LEFT) / -np.log(LEFT)
+    return float((1 - ODDS) * usual), float(ODDS * other)
 
 
 def beside(effects: Sequence[Candidate], candidates: Sequence[Candidate]) -> list[Candidate]:

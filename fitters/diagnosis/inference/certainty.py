@@ -8,7 +8,7 @@ import numpy as np
 
 from ....models.base.arrays import Complexes, Reals
 from ...engine.recording import log_ratio
-from ..decision_rules import CLASS, CLASS_NATS, RIVALS
+from ..decision_rules import CLASS, CLASS_NATS, ODDS, RIVALS, UNFORESEEN
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.instrument_artefacts import UNKNOWN
@@ -52,14 +52,16 @@ class Certainties:
         """Return the probability that one of these effects is present, at whatever place, and changes ln Z so much.
 
         The sum over hypotheses of their posterior probability, times the probability that the change is due to the
-        effect and not to what the hypothesis leaves unexplained.
+        effect and not to what the hypothesis leaves unexplained. Where none of the hypotheses holds, an effect is as
+        probable as beforehand.
         """
         whole = 0.0
         for one, part in self.search.posterior:
             if part > _NEGLIGIBLE and any(effect.effect.name in names for effect in one.effects):
                 itself = self._itself_in(one)
                 whole += part * max(itself[effect] for effect in one.effects if effect.effect.name in names)
-        return whole
+        unforeseen = 0.0 if self.search.best.fit.exact else UNFORESEEN
+        return (1 - unforeseen) * whole + unforeseen * ODDS
 
     def _itself_in(self, one: Hypothesis) -> dict[Candidate, float]:
         """Return, by effect, the probability that it and not an unnamed cause changes ln Z in a hypothesis.

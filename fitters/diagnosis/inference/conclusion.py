@@ -10,7 +10,7 @@ import numpy as np
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.instrument_share import accuracy_of
 from ...error_model.uncertainty_sources import taken_up
-from ..decision_rules import LEFT, NAMED, PARENTS, TOLERATED
+from ..decision_rules import NAMED, PARENTS, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
@@ -48,7 +48,7 @@ class Conclusion:
     """That first without which most would be unexplained."""
     remaining: Remaining
     something_left: bool
-    """Whether no effect explains a residual larger than the instrument's error."""
+    """Whether what is left more probably than not has a cause that no effect describes."""
     something_else: float
     """Probability of anything beside the named effects: of another effect, or of what no effect explains."""
     nearest: tuple[Candidate, float] | None
@@ -111,7 +111,7 @@ def conclude(search: GreedySearch) -> Conclusion:
         final=final,
         named=in_order(named),
         remaining=remaining_of(final),
-        something_left=final.unexplained > LEFT,
+        something_left=final.cause_left > NAMED,
         something_else=_something_else(search, final.key),
         nearest=_nearest(search, null),
     )
@@ -177,8 +177,8 @@ def remaining_of(one: Hypothesis) -> Remaining:
 
 
 def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:
-    """Return the posterior probability of hypotheses that have other effects than these, or leave too much."""
-    enough = sum(part for one, part in search.posterior if one.key <= named and one.unexplained <= LEFT)
+    """Return the posterior probability of other effects than these, or of a cause that no effect describes."""
+    enough = sum(part * (1 - one.cause_left) for one, part in search.posterior if one.key <= named)
     return max(0.0, 1.0 - enough)
 
 

@@ -245,6 +245,8 @@ def test_how_usual_a_rest_is_follows_from_two_densities(decades: float) -> None:
     density = (1 - ODDS) * good.pdf(left) + ODDS * other.pdf(max(left, LEFT * (1 + 1e-12)))
     said = Hypothesis.log_left.fget(SimpleNamespace(unexplained=left))
     assert said == pytest.approx(np.log(density / good.pdf(0.0)), abs=1e-6)
+    cause = Hypothesis.cause_left.fget(SimpleNamespace(unexplained=left))
+    assert cause == pytest.approx(1 - (1 - ODDS) * good.pdf(left) / density, abs=1e-9)
 
 
 @given(st.floats(-5, 5))

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from pzctl.fitters.diagnosis import decision_rules
 from pzctl.fitters.diagnosis.data_quality.data_gates import Gated
 from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue
+from pzctl.fitters.diagnosis.decision_rules import ODDS, UNFORESEEN
 from pzctl.fitters.diagnosis.findings import Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
@@ -172,6 +173,19 @@ def test_inverted_data_can_be_explained_but_disturbed_data_never_fully(
     data: Gated, verdict: str, deserved: str
 ) -> None:
     assert verdict_with(data, verdict) == deserved  # type: ignore[arg-type]
+
+
+def test_beside_errors_no_effect_is_surer_than_hypotheses_that_may_all_be_wrong(lead_case) -> None:
+    """Of an exact recording that is explained to its noise there is no such doubt."""
+    best = lead_case.search.best
+    assert best.fit.exact
+    doubtful = SimpleNamespace(exact=False)
+    search = SimpleNamespace(
+        posterior=lead_case.search.posterior, problem=lead_case.problem, best=SimpleNamespace(fit=doubtful)
+    )
+    sure, unsure = (Certainties(one).present({"lead-inductance"}) for one in (lead_case.search, search))
+    assert unsure == pytest.approx((1 - UNFORESEEN) * sure + UNFORESEEN * ODDS)
+    assert Certainties(search).present({"leakage"}) >= UNFORESEEN * ODDS
 
 
 def test_an_effect_is_no_more_certain_than_it_is_present(lead_case) -> None:
