@@ -32,8 +32,9 @@ _RELAXATION = 0.5
 other side, and so on for ever."""
 _DAMPED, _RELAXED = 4.0, 1 / 3
 """Factors of damping after a step that fails for the first time, and at least after one that brings what it should."""
-_LEAST, _UNDAMPED = 3e-3, 1e-4
-"""Damping, in units of the information, from which a step differs, and below which there is none."""
+_LEAST, _UNDAMPED, _REGULAR = 3e-3, 1e-4, 1e-9
+"""Damping, in units of the information, from which a step differs, below which there is none, and by which information
+that is singular by rounding has an inverse."""
 _SHORT = 3
 """Number of short steps in succession after which a descent ends in a curved valley."""
 _WEIGHTED, _UNCHANGED = 10, 0.02
@@ -356,7 +357,7 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
         value = at.value
         if float(value.step @ value.H @ value.step) < close or short > _SHORT:
             break
-        step = _damped(value, value.step, damping)
+        step = value.step if damping == 0 else _damped(value, value.H @ value.step, damping)
         step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
         used += 1
         bent = step + _acceleration(marginal, x, held, at, r, step, damping)
@@ -394,16 +395,13 @@ def _acceleration(
     second = [2 / _ALONG * ((b - a) / _ALONG - J @ step) for a, b, J in zip(r, near, at.J, strict=True)]
     if not all(np.all(np.isfinite(own)) for own in second):
         return np.zeros_like(step)
-    newton = -np.linalg.solve(at.value.H, held.gradient(at, second))
-    bend = _damped(at.value, newton, damping) / 2
+    bend = _damped(at.value, -held.gradient(at, second), max(damping, _REGULAR)) / 2
     length, bent = (float(np.sqrt(np.diag(at.value.H) @ one**2)) for one in (step, bend))
     return bend if bent <= _BENT * length else np.zeros_like(step)
 
 
-def _damped(value: Value, newton: Reals, damping: float) -> Reals:
-    """Return a Newton step with damping."""
-    if damping == 0:
-        return newton
+def _damped(value: Value, pull: Reals, damping: float) -> Reals:
+    """Return a damped step; `pull` is minus half the gradient."""
     unit = np.sqrt(np.where(np.diag(value.H) > 0, np.diag(value.H), 1.0))
     H = value.H / unit / unit[:, None]
-    return np.asarray(np.linalg.solve(H + damping * np.eye(unit.size), H @ (newton * unit)) / unit, np.float64)
+    return np.asarray(np.linalg.solve(H + damping * np.eye(unit.size), pull / unit) / unit, np.float64)
