@@ -64,8 +64,8 @@ TOLERATED = 2.0
 attributed to the fixture, if the recordings show instrument errors, and of the analyzer's accuracy up to which an
 artefact is an error that it may have; one in twenty has more."""
 LEFT = 1.5e-3
-"""Rms of ln Z that the imperfections of a good device cause together: weak lines, scatter of thickness, losses that
-change over the band. A larger model error has a cause of its own."""
+"""Standard deviation, over good devices, of the rms of ln Z that their imperfections cause: weak lines, scatter of
+thickness, losses that change over the band. How much more has a cause of its own follows from the odds of both."""
 FALSE_ALARM = 0.01
 """Probability below which held-out data contradict what was learned: so many right laws are said to be unproved. A law
 is chosen because it describes the recording; only a prediction can prove it. 1 of 200 was in
