@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from relaxing_disk import BUILD
 
-from pzctl.fitters.diagnosis.decision_rules import FALSE_ALARM, LEFT
+from pzctl.fitters.diagnosis.decision_rules import FALSE_ALARM, LEFT_AT_MOST
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.inference.conclusion import unexplained
@@ -136,7 +136,7 @@ def test_a_wrong_law_that_describes_all_bands_is_not_contradicted() -> None:
     """Held-out blocks lie between others, so errors that describe these describe them as well: evidence must decide."""
     for flawed in (False, True):
         made = outcomes(flawed=flawed, wrong=True)
-        little = [one for one in made if one[1] <= LEFT]
+        little = [one for one in made if one[1] <= LEFT_AT_MOST]
         print(
             f"wrong laws, {'with' if flawed else 'without'} errors: {len(made) - len(little)} of {len(made)} leave "
             f"more than usual; of the other {len(little)}, {_failed(little)} are contradicted; of all, {_failed(made)}"

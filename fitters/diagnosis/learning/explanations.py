@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.effects.learned.laws import laws
-from ..decision_rules import LEFT
+from ..decision_rules import LEFT_AT_MOST
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
 from .law_fits import LearnedCorrection, left_by
@@ -84,7 +84,7 @@ def explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
 
     One that leaves more has moved the constants to where the device is so sensitive that errors describe anything.
     """
-    return left_by(law.hypothesis) <= max(left_by(parent), LEFT)
+    return left_by(law.hypothesis) <= max(left_by(parent), LEFT_AT_MOST)
 
 
 def distinct(explanations: Sequence[Explanation]) -> list[Explanation]:

@@ -9,7 +9,7 @@ from ....models.base.errors import PzctlError
 from ....models.effects.learned.corrections import INSTRUMENT
 from ....models.effects.learned.learned import NAME
 from ...error_model.error_sizes import USUAL, ErrorSizes
-from ..decision_rules import LEFT, NAMED
+from ..decision_rules import LEFT_AT_MOST, NAMED
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
@@ -120,7 +120,7 @@ class Learning:
         for placed in _likely(places, least):
             made += learned_laws(self.problem, parent, placed, self.progress)
         found = [Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent)]
-        if parent.unexplained <= LEFT or enough(found, parent):
+        if parent.unexplained <= LEFT_AT_MOST or enough(found, parent):
             return found
         plain = self._plain(parent)
         made = [

@@ -10,7 +10,7 @@ from functools import partial
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
-from ..decision_rules import EXACT_FIRST, EXACT_LATER, LEFT, MOST, NEAR, UNFINISHED, WORTH
+from ..decision_rules import EXACT_FIRST, EXACT_LATER, LEFT_AT_MOST, MOST, NEAR, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import screened
@@ -26,7 +26,7 @@ def exact_hypotheses(
     Effects are added to those of `start` one by one as long as that helps, provided that its errors leave nothing but
     noise, and that its model's are no larger than a good device's: beside larger ones an effect stands out by itself.
     """
-    hidden = start.fit.shortfall == 0 and not start.fit.sizes.exact and start.unexplained <= LEFT
+    hidden = start.fit.shortfall == 0 and not start.fit.sizes.exact and start.unexplained <= LEFT_AT_MOST
     begun = _fitted(problem, start.effects, start.values) if hidden else None
     if begun is None:
         return []
