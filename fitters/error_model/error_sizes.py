@@ -138,8 +138,10 @@ class Expansion:
     value: Value
     J: Sequence[Complexes]
     """Derivatives of the residuals of each recording, shape (N, M)."""
+    r: Sequence[Complexes]
+    """The residuals, shape (N,)."""
     seen: WhitenedColumns
-    """These and the residuals, whitened."""
+    """Both, whitened."""
     B: Reals
     """Products of these with the columns of errors, whitened."""
 
@@ -280,7 +282,7 @@ class Held:
         seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, beyond, strict=True)])
         B = self._beside(seen)
         value = valued(seen.squared(), B, self.log_S + self.kernel.log_det, before, self.sizes)
-        return Expansion(value, J, seen, B)
+        return Expansion(value, J, r, seen, B)
 
     def gradient(self, at: Expansion, change: Sequence[Complexes]) -> Reals:
         """Return J^T C^-1 y for a change y of the residuals at a point, shape (M,); C has all errors."""

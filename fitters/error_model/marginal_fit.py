@@ -352,7 +352,6 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
     """
     damping, growth, short, used = 0.0, _DAMPED, 0, 0
     at = marginal.expanded(x, held)
-    r = marginal.residuals(x)
     for _ in range(most):
         value = at.value
         if float(value.step @ value.H @ value.step) < close or short > _SHORT:
@@ -360,11 +359,10 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
         step = value.step if damping == 0 else _damped(value, value.H @ value.step, damping)
         step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
         used += 1
-        bent = step + _acceleration(marginal, x, held, at, r, step, damping)
-        there = marginal.residuals(x + bent)
-        fall = value.here - held.here(there, marginal.against(x + bent))
+        bent = step + _acceleration(marginal, x, held, at, step, damping)
+        fall = value.here - held.here(marginal.residuals(x + bent), marginal.against(x + bent))
         if fall > 0:
-            x, r = x + bent, there
+            x = x + bent
             if damping == 0 and fall < close:
                 break
             expected = float((2 * value.step - step) @ value.H @ step)
@@ -383,16 +381,14 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
     return x, used
 
 
-def _acceleration(
-    marginal: Marginal, x: Reals, held: Held, at: Expansion, r: Sequence[Complexes], step: Reals, damping: float
-) -> Reals:
+def _acceleration(marginal: Marginal, x: Reals, held: Held, at: Expansion, step: Reals, damping: float) -> Reals:
     """Return by how much a step along a curved valley is bent; nothing where the valley is not smooth enough.
 
     M. K. Transtrum, B. B. Machta and J. P. Sethna, Phys. Rev. E 83 (2011) 036701: half the geodesic acceleration, from
     the second derivative of the residuals along the step.
     """
     near = marginal.residuals(x + _ALONG * step)
-    second = [2 / _ALONG * ((b - a) / _ALONG - J @ step) for a, b, J in zip(r, near, at.J, strict=True)]
+    second = [2 / _ALONG * ((b - a) / _ALONG - J @ step) for a, b, J in zip(at.r, near, at.J, strict=True)]
     if not all(np.all(np.isfinite(own)) for own in second):
         return np.zeros_like(step)
     bend = _damped(at.value, -held.gradient(at, second), max(damping, _REGULAR)) / 2

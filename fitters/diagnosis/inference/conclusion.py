@@ -47,14 +47,17 @@ class Conclusion:
     named: tuple[NamedEffect, ...]
     """That first without which most would be unexplained."""
     remaining: Remaining
-    something_left: bool
-    """Whether what is left more probably than not has a cause that no effect describes."""
     something_else: float
     """Probability of anything beside the named effects: of another effect, or of what no effect explains."""
     nearest: tuple[Candidate, float] | None
     """The single effect that explains most, and its part of the misfit; None if no effect explains half of it."""
     forecast: Forecast | None = None
     """How what was learned predicts held-out data; None if nothing was."""
+
+    @property
+    def something_left(self) -> bool:
+        """Whether what is left more probably than not has a cause that no effect describes."""
+        return self.final.cause_left > NAMED
 
     @property
     def refuted(self) -> bool:
@@ -111,7 +114,6 @@ def conclude(search: GreedySearch) -> Conclusion:
         final=final,
         named=in_order(named),
         remaining=remaining_of(final),
-        something_left=final.cause_left > NAMED,
         something_else=_something_else(search, final.key),
         nearest=_nearest(search, null),
     )

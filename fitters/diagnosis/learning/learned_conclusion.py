@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..decision_rules import NAMED
 from ..findings import Alternative
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
@@ -67,7 +66,6 @@ def _with(conclusion: Conclusion, final: Hypothesis, named: Sequence[NamedEffect
         final=final,
         named=in_order(named),
         remaining=remaining_of(final),
-        something_left=final.cause_left > NAMED,
         nearest=None,
     )
 

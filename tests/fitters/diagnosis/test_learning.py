@@ -80,7 +80,7 @@ def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_
     null = fitted(problem, (), problem.values)
     resistance = _candidate(find_effect("series-resistance"), "terminals", bare.bare)
     imitated = fitted(problem, (resistance,), problem.values)
-    nothing = Conclusion(null, null, (), remaining_of(null), something_left=True, something_else=1.0, nearest=None)
+    nothing = Conclusion(null, null, (), remaining_of(null), something_else=1.0, nearest=None)
     found, _ = Learning(problem, said.append).extended(nothing, [imitated, null])
     assert [(one.effect.name, one.where) for one in found.final.effects] == [("learned", "terminals")]
     assert sum(one.startswith("trying a correction") for one in said) == 1
@@ -178,7 +178,7 @@ def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device) -> None
     null = fitted(problem, (), problem.values)
     contact = _candidate(learned_law(Place("terminals", "series"), "resistance", bare.bare), "terminals", bare.bare)
     first = fitted(problem, (contact,), problem.values)
-    left = Conclusion(null, first, (), remaining_of(first), something_left=True, something_else=1.0, nearest=None)
+    left = Conclusion(null, first, (), remaining_of(first), something_else=1.0, nearest=None)
     found, _ = Learning(problem).extended(left, [first])
     laws = {one.prefix: one.effect.law_name for one in found.final.effects}
     assert laws == {"learned@terminals.": "series-resistance", "learned-2@terminals.": "shunt-resistance"}
