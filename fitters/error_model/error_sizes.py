@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve
+from scipy.linalg import cho_solve, solve_triangular
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from ...models.base.arrays import Complexes, Reals
@@ -139,7 +139,7 @@ class Expansion:
     J: Sequence[Complexes]
     """Derivatives of the residuals of each recording, shape (N, M)."""
     r: Sequence[Complexes]
-    """The residuals, shape (N,)."""
+    """The residuals of the uncorrected model, to first order, shape (N,)."""
     seen: WhitenedColumns
     """Both, whitened."""
     B: Reals
@@ -255,6 +255,8 @@ class Held:
     sizes: ErrorSizes
     kernel: Kernel
     white: WhitenedColumns
+    on: NDArray[np.intp]
+    """Indices of the columns that are present."""
     d: Reals
     L: Reals
     log_S: float
@@ -264,11 +266,11 @@ class Held:
     def of(cls, columns: ErrorColumns, sizes: ErrorSizes) -> Self:
         """Return the columns that are present at these sizes."""
         scale = columns.scaled(sizes.of_columns())
-        on = columns.only(np.flatnonzero(scale > 0))
+        on = np.flatnonzero(scale > 0)
         kernel = Kernel(columns.points, sizes.colour, sizes.rough)
-        white, d = kernel.white(on.blocks), scale[scale > 0]
+        white, d = kernel.white(columns.only(on).blocks), scale[on]
         L, log_S = factored(white.squared(), d)
-        return cls(sizes, kernel, white, d, L, log_S, columns)
+        return cls(sizes, kernel, white, on, d, L, log_S, columns)
 
     def here(self, r: Sequence[Complexes], known: float) -> float:
         """Return `Value.here` at another point from its residuals; `known`: sum of squares of the priors' residuals."""
@@ -282,7 +284,21 @@ class Held:
         seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, beyond, strict=True)])
         B = self._beside(seen)
         value = valued(seen.squared(), B, self.log_S + self.kernel.log_det, before, self.sizes)
-        return Expansion(value, J, r, seen, B)
+        return Expansion(value, J, beyond, seen, B)
+
+    def coefficients(self, at: Expansion, step: Reals) -> Reals:
+        """Return the most probable coefficient of each column after a step, to first order, shape (C,)."""
+        return self._coefficients(at.B @ np.append(step, 1.0))
+
+    def most_probable(self, r: Sequence[Complexes]) -> Reals:
+        """Return the most probable coefficient of each column, shape (C,), for residuals of the uncorrected model."""
+        return self._coefficients(self._beside(self.kernel.white([own[:, None] for own in r]))[:, 0])
+
+    def _coefficients(self, b: Reals) -> Reals:
+        made = np.zeros(len(self.columns.parts))
+        if self.on.size:
+            made[self.on] = -self.d * solve_triangular(self.L, b, lower=True, trans=1, check_finite=False)
+        return made
 
     def gradient(self, at: Expansion, change: Sequence[Complexes]) -> Reals:
         """Return J^T C^-1 y for a change y of the residuals at a point, shape (M,); C has all errors."""

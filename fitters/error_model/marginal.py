@@ -31,6 +31,8 @@ away, and its boundless posterior volume would count as evidence."""
 _LOOSE = ("z", "c", "q", "thickness", "density")
 """Held constants that may be off because a build gives them as bare numbers, mostly of glue; others are exact."""
 _PATH = frozenset({SERIES, SHUNT})
+_FURTHEST = 1.5
+"""Largest correction of the logarithm of a held value; a trial step that asks for more is a bad one."""
 
 Shapes = Mapping[str, tuple[tuple[str, Callable[[float], float]], ...]]
 """For each effect: its size coordinates, each with the function d coordinate / d ln size."""
@@ -134,19 +136,19 @@ class Marginal:
             total += path.over(SERIES, f) / place.Z - path.over(SHUNT, f) * place.Z
         return total
 
-    def corrections_at(self, made: Gram, coefficients: Reals) -> Corrections | None:
+    def corrections_at(self, columns: ErrorColumns, coefficients: Reals) -> Corrections | None:
         """Return corrections of constants and paths from the coefficients of columns, shape (C,); None for none."""
         recordings = self.objective.recordings
-        log_f, relative = _sampled(recordings, made, coefficients, self.of_ceramics)
+        log_f, relative = _sampled(recordings, columns, coefficients, self.of_ceramics)
         paths: dict[str, PathCorrection] = {}
         for step in dict.fromkeys(one.step for one in recordings):
             own = [k for k, one in enumerate(recordings) if one.step == step and not _altered(one.model)]
             if own:
-                paths[step] = PathCorrection(*_sampled(recordings, made, coefficients, _PATH, own))
+                paths[step] = PathCorrection(*_sampled(recordings, columns, coefficients, _PATH, own))
         paths = {step: path for step, path in paths.items() if path.values}
         held = {
-            own.name.removeprefix(HELD): float(size * own.relative[0][0].real)
-            for own, size in zip(made.columns.corrections, coefficients.tolist(), strict=True)
+            own.name.removeprefix(HELD): float(np.clip(size * own.relative[0][0].real, -_FURTHEST, _FURTHEST))
+            for own, size in zip(columns.corrections, coefficients.tolist(), strict=True)
             if own is not None and size and own.name.startswith(HELD)
         }
         return Corrections(log_f, relative, paths, held) if relative or paths or held else None
@@ -249,7 +251,7 @@ def _altered(model: Model) -> bool:
 
 def _sampled(
     recordings: Sequence[Recording],
-    made: Gram,
+    columns: ErrorColumns,
     coefficients: Reals,
     names: Collection[str],
     which: Sequence[int] | None = None,
@@ -258,7 +260,7 @@ def _sampled(
     which = range(len(recordings)) if which is None else which
     points, first = np.unique(np.concatenate([np.log(recordings[k].sweep.frequency) for k in which]), return_index=True)
     found: dict[str, Complexes] = {}
-    for own, size in zip(made.columns.corrections, coefficients.tolist(), strict=True):
+    for own, size in zip(columns.corrections, coefficients.tolist(), strict=True):
         if own is not None and size and own.name in names:
             found[own.name] = found.get(own.name, 0) + size * np.concatenate([own.relative[k] for k in which])[first]
     return points, found

@@ -73,7 +73,8 @@ def _plain(marginal: Marginal, x: Reals, most: int) -> tuple[Reals, float]:
             PointErrors(np.zeros(own.noise.size), np.hypot(own.noise, misfit), *(np.zeros(own.noise.size),) * 2)
             for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
         )
-        x, _ = _down(marginal, x, Held.of(ErrorColumns((), np.zeros(0), none, errors), ErrorSizes()), most, _NEAR)
+        held = Held.of(ErrorColumns((), np.zeros(0), none, errors), ErrorSizes())
+        x = _down(_Point(marginal, x, held), most, _NEAR)[0].x
     misfits = [float(np.mean(np.abs(r) ** 2)) for r in marginal.residuals(x)]
     return x, 0.5 * sum(count * float(np.log(misfit)) for count, misfit in zip(points, misfits, strict=True))
 
@@ -297,17 +298,14 @@ class _Round:
 
     def next(self, sizes: ErrorSizes, fast: bool, part: float, close: float) -> Self:
         """Descend with these sizes of the errors to `close` to the minimum, and go this part of the way."""
-        held = Held.of(self.made.columns, sizes)
-        x, steps = _down(self.marginal, self.x, held, close=close)
-        between = self.x + part * (x - self.x)
-        if part < 1 and self._here(held, between) < self._here(held, self.x):
-            x = between
-        marginal, remainder = _recorrected(self.marginal, x, self.made, sizes)
-        made = marginal.gram(x, marginal.columns(x, fast=fast))
-        return type(self)(marginal, x, sizes, made, steps, remainder)
-
-    def _here(self, held: Held, x: Reals) -> float:
-        return held.here(self.marginal.residuals(x), self.marginal.against(x))
+        begun = _Point(self.marginal, self.x, Held.of(self.made.columns, sizes))
+        end, steps = _down(begun, close=close)
+        between = replace(begun, x=self.x + part * (end.x - self.x))
+        if part < 1 and between.here < begun.here:
+            end = between
+        end, remainder = end.recorrected()
+        made = end.marginal.gram(end.x, end.marginal.columns(end.x, fast=fast))
+        return type(self)(end.marginal, end.x, sizes, made, steps, remainder)
 
     @cached_property
     def log_evidence(self) -> float:
@@ -328,30 +326,62 @@ def _better(one: _Round, other: _Round) -> _Round:
     return one if one.worth >= other.worth else other
 
 
-def _recorrected(marginal: Marginal, x: Reals, made: Gram, sizes: ErrorSizes) -> tuple[Marginal, float]:
-    """Return the fit about the most probable corrections, and how far from linear they are: its part of chi2.
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """A point of a descent, with the corrections about which the errors are linear there."""
 
-    `made` has the columns with which the fit descended to `x`. Corrections that are linear enough are left as they are.
-    """
-    made = marginal.gram(x, made.columns)
-    coefficients, columns = made.coefficients(sizes), made.columns
-    corrected = marginal.around(marginal.corrections_at(made, coefficients))
-    on = marginal.corrected(columns)
-    expected = [block[:, on] @ coefficients[on] for block in columns.blocks]
-    pairs = zip(corrected.residuals(x), made.r, expected, columns.points, strict=True)
-    remainders = [np.abs(there - here - change) / own.noise for there, here, change, own in pairs]
-    remainder = sum(float(np.sum(part**2)) for part in remainders)
-    return corrected if remainder >= _LINEAR else marginal, remainder
+    marginal: Marginal
+    x: Reals
+    held: Held
+    """Columns of errors, the same throughout a descent but for what the corrections absorb."""
+
+    @cached_property
+    def here(self) -> float:
+        """Minus twice ln of the joint density, apart from constants."""
+        return self.held.here(self.marginal.residuals(self.x), self.marginal.against(self.x))
+
+    def expanded(self) -> Expansion:
+        """Return the marginal likelihood and its derivatives. Raises LinAlgError."""
+        return self.marginal.expanded(self.x, self.held)
+
+    def after(self, at: Expansion, step: Reals) -> Self:
+        """Return the point after a step, about what the errors most probably are there.
+
+        Where constants and errors shift a resonance in opposite ways, errors that stayed where they are would be linear
+        over much less than its width, and the descent would creep along a valley.
+        """
+        there = replace(self, x=self.x + step)
+        return there.about(self.held.coefficients(at, step)) if self.held.on.size else there
+
+    def about(self, coefficients: Reals) -> Self:
+        """Return the same point about errors with these coefficients of the columns, shape (C,)."""
+        columns = self.held.columns
+        on = self.marginal.corrected(columns)
+        absorbed = tuple(block[:, on] @ coefficients[on] for block in columns.blocks)
+        marginal = self.marginal.around(self.marginal.corrections_at(columns, coefficients))
+        return replace(self, marginal=marginal, held=replace(self.held, columns=replace(columns, absorbed=absorbed)))
+
+    def recorrected(self) -> tuple[Self, float]:
+        """Return the point about the most probable errors, and how far from linear they were: their part of chi2.
+
+        If that is little, it is left as it is.
+        """
+        r = self.held.columns.beyond(self.marginal.residuals(self.x))
+        there = self.about(self.held.most_probable(r))
+        beyond = there.held.columns.beyond(there.marginal.residuals(self.x))
+        pairs = zip(beyond, r, self.held.columns.points, strict=True)
+        remainder = sum(float(np.sum((np.abs(new - old) / own.noise) ** 2)) for new, old, own in pairs)
+        return (there if remainder >= _LINEAR else self), remainder
 
 
-def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: float = _CLOSE) -> tuple[Reals, int]:
+def _down(point: _Point, most: int = _STEPS, close: float = _CLOSE) -> tuple[_Point, int]:
     """Minimise by Levenberg-Marquardt with columns and sizes fixed; return the point and the number of steps.
 
     Damping follows how much of the expected fall a step has brought (H. B. Nielsen, Damping parameter in Marquardt's
     method, IMM-REP-1999-05). In a curved valley all damped steps are short, and none means that the minimum is near.
     """
     damping, growth, short, used = 0.0, _DAMPED, 0, 0
-    at = marginal.expanded(x, held)
+    at = point.expanded()
     for _ in range(most):
         value = at.value
         if float(value.step @ value.H @ value.step) < close or short > _SHORT:
@@ -359,10 +389,10 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
         step = value.step if damping == 0 else _damped(value, value.H @ value.step, damping)
         step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
         used += 1
-        bent = step + _acceleration(marginal, x, held, at, step, damping)
-        fall = value.here - held.here(marginal.residuals(x + bent), marginal.against(x + bent))
+        there = point.after(at, step + _acceleration(point, at, step, damping))
+        fall = value.here - there.here
         if fall > 0:
-            x = x + bent
+            point = there
             if damping == 0 and fall < close:
                 break
             expected = float((2 * value.step - step) @ value.H @ step)
@@ -371,27 +401,28 @@ def _down(marginal: Marginal, x: Reals, held: Held, most: int = _STEPS, close: f
             damping = damping if damping > _UNDAMPED else 0.0
             short = short + 1 if fall < close else 0
             try:
-                at = marginal.expanded(x, held)
+                at = point.expanded()
             except np.linalg.LinAlgError:
                 break
         else:
             damping, growth = max(damping, _LEAST) * growth, 2 * growth
             if damping > 1e6:
                 break
-    return x, used
+    return point, used
 
 
-def _acceleration(marginal: Marginal, x: Reals, held: Held, at: Expansion, step: Reals, damping: float) -> Reals:
+def _acceleration(point: _Point, at: Expansion, step: Reals, damping: float) -> Reals:
     """Return by how much a step along a curved valley is bent; nothing where the valley is not smooth enough.
 
     M. K. Transtrum, B. B. Machta and J. P. Sethna, Phys. Rev. E 83 (2011) 036701: half the geodesic acceleration, from
     the second derivative of the residuals along the step.
     """
-    near = marginal.residuals(x + _ALONG * step)
+    there = point.after(at, _ALONG * step)
+    near = there.held.columns.beyond(there.marginal.residuals(there.x))
     second = [2 / _ALONG * ((b - a) / _ALONG - J @ step) for a, b, J in zip(at.r, near, at.J, strict=True)]
     if not all(np.all(np.isfinite(own)) for own in second):
         return np.zeros_like(step)
-    bend = _damped(at.value, -held.gradient(at, second), max(damping, _REGULAR)) / 2
+    bend = _damped(at.value, -point.held.gradient(at, second), max(damping, _REGULAR)) / 2
     length, bent = (float(np.sqrt(np.diag(at.value.H) @ one**2)) for one in (step, bend))
     return bend if bent <= _BENT * length else np.zeros_like(step)
 
