@@ -290,6 +290,9 @@ class _Round:
     steps: int = _STEPS
     remainder: float = np.inf
     """Part of chi2 that the corrections leave beyond first order."""
+    near: bool = False
+    """Whether a descent has ended there. Far from any explanation errors would be what no device has, and a model with
+    such errors leads nowhere."""
 
     @classmethod
     def before(cls, marginal: Marginal, x: Reals, sizes: ErrorSizes, fast: bool) -> Self:
@@ -298,14 +301,14 @@ class _Round:
 
     def next(self, sizes: ErrorSizes, fast: bool, part: float, close: float) -> Self:
         """Descend with these sizes of the errors to `close` to the minimum, and go this part of the way."""
-        begun = _Point(self.marginal, self.x, Held.of(self.made.columns, sizes))
+        begun = _Point(self.marginal, self.x, Held.of(self.made.columns, sizes), self.near)
         end, steps = _down(begun, close=close)
         between = replace(begun, x=self.x + part * (end.x - self.x))
         if part < 1 and between.here < begun.here:
             end = between
         end, remainder = end.recorrected()
         made = end.marginal.gram(end.x, end.marginal.columns(end.x, fast=fast))
-        return type(self)(end.marginal, end.x, sizes, made, steps, remainder)
+        return type(self)(end.marginal, end.x, sizes, made, steps, remainder, near=True)
 
     @cached_property
     def log_evidence(self) -> float:
@@ -334,6 +337,8 @@ class _Point:
     x: Reals
     held: Held
     """Columns of errors, the same throughout a descent but for what the corrections absorb."""
+    followed: bool = False
+    """Whether errors are linear about what they most probably are at every point of a descent."""
 
     @cached_property
     def here(self) -> float:
@@ -345,13 +350,14 @@ class _Point:
         return self.marginal.expanded(self.x, self.held)
 
     def after(self, at: Expansion, step: Reals) -> Self:
-        """Return the point after a step, about what the errors most probably are there.
+        """Return the point after a step.
 
-        Where constants and errors shift a resonance in opposite ways, errors that stayed where they are would be linear
-        over much less than its width, and the descent would creep along a valley.
+        It is about what the errors most probably are there, if they are `followed`: where constants and errors shift a
+        resonance in opposite ways, errors that stayed where they are would be linear over much less than its width, and
+        the descent would creep along a valley.
         """
         there = replace(self, x=self.x + step)
-        return there.about(self.held.coefficients(at, step)) if self.held.on.size else there
+        return there.about(self.held.coefficients(at, step)) if self.followed else there
 
     def about(self, coefficients: Reals) -> Self:
         """Return the same point about errors with these coefficients of the columns, shape (C,)."""

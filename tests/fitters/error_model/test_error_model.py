@@ -197,3 +197,34 @@ def test_evidence_of_a_disk_whose_loss_varies_is_the_same_from_any_start(exponen
     found = [fit(Marginal.of(objective), x, sizes, rounds=4) for sizes in starts]
     assert [one.sizes.rho for one in found] == [0.0, 0.0, 0.0]
     assert np.ptp([one.log_evidence for one in found]) < 2
+
+
+BARE_DENSITY = """
+name = "disk"
+diameter_mm = 16.0
+layers = [{ name = "disk", kind = "piezo", material = "Pz27", thickness_mm = 0.5, density_kg_m3 = 7700 }]
+load = { back = "air", front = "air" }
+steps = [{ name = "disk", layers = ["disk"] }]
+"""
+"""A density without its uncertainty may be off by the tolerance of such values."""
+
+
+def test_a_fit_arrives_along_the_valley_of_a_density_that_is_off(tmp_path: Path) -> None:
+    """Density and stiffness shift the resonance in opposite ways; linear about the stated density, it ends early."""
+    rng = np.random.default_rng(0)
+    f = np.linspace(2e6, 16e6, 401)
+    noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
+    (tmp_path / "build.toml").write_text(BARE_DENSITY)
+    build = read_build(tmp_path / "build.toml")
+    disk = (stack := stack_of(build, build.steps[0])).layers[0]
+    assert isinstance(disk, Piezo)
+    c33D = 1.05 * disk.c33D.real * (1 + 0.01j)
+    denser = replace(disk, density=1.03 * disk.density, c33D=c33D, c_law=ConstantLoss())
+    sweep = Sweep(f, replace(stack, layers=(denser,)).impedance(f) * np.exp(noise))
+    objective = solve(FitTask(build, {"disk": (sweep,)}), lambda _: None).judged
+    x = objective.coordinates.x
+    x[objective.coordinates.free.index("disk.c33D")] -= 0.03
+    sizes = ErrorSizes(held=1.0, slow=1.0, tau=1e-4, losses=0.3)
+    found = fit(Marginal.of(objective), x, (sizes,), fixed=True)
+    assert found.converged
+    assert found.value.step @ found.value.H @ found.value.step < 0.1
