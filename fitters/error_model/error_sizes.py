@@ -186,10 +186,7 @@ class Gram:
         """Return the most probable coefficient of each column, shape (C,), at the point itself. Raises LinAlgError."""
         G, _ = self._gram(sizes.colour, sizes.rough)
         on, d, L, _ = self._present(sizes)
-        made = np.zeros(len(self.columns.parts))
-        if on.size:
-            made[on] = -d * cho_solve((L, True), d * G[on, -1], check_finite=False)
-        return made
+        return coefficients_of(len(self.columns.parts), on, d, L, whitened_by(L, d[:, None] * G[on, -1:])[:, 0])
 
     def _gram(self, colour: float, rough: Rough) -> tuple[Reals, float]:
         if (colour, rough) not in self._known:
@@ -230,6 +227,17 @@ def _cholesky(S: Reals) -> Reals:
 def whitened_by(L: Reals, GX: Reals) -> Reals:
     """Return products with columns of errors, whitened by the factor `L` from `factored`."""
     return np.asarray(dtrtrs(L, np.asfortranarray(GX), lower=1)[0] if L.size else np.zeros((0, GX.shape[1])))
+
+
+def coefficients_of(count: int, on: NDArray[np.intp], d: Reals, L: Reals, beside: Reals) -> Reals:
+    """Return the most probable coefficients of all columns, shape (count,); 0 for those that are not present.
+
+    `on` and `d`: indices and scales of those that are; `beside`: their products with the residuals from `whitened_by`.
+    """
+    made = np.zeros(count)
+    if on.size:
+        made[on] = -d * solve_triangular(L, beside, lower=True, trans=1, check_finite=False)
+    return made
 
 
 def valued(X: Reals, B: Reals, log_K: float, before: Beforehand, sizes: ErrorSizes) -> Value:
@@ -288,17 +296,12 @@ class Held:
 
     def coefficients(self, at: Expansion, step: Reals) -> Reals:
         """Return the most probable coefficient of each column after a step, to first order, shape (C,)."""
-        return self._coefficients(at.B @ np.append(step, 1.0))
+        return coefficients_of(len(self.columns.parts), self.on, self.d, self.L, at.B @ np.append(step, 1.0))
 
     def most_probable(self, r: Sequence[Complexes]) -> Reals:
         """Return the most probable coefficient of each column, shape (C,), for residuals of the uncorrected model."""
-        return self._coefficients(self._beside(self.kernel.white([own[:, None] for own in r]))[:, 0])
-
-    def _coefficients(self, b: Reals) -> Reals:
-        made = np.zeros(len(self.columns.parts))
-        if self.on.size:
-            made[self.on] = -self.d * solve_triangular(self.L, b, lower=True, trans=1, check_finite=False)
-        return made
+        beside = self._beside(self.kernel.white([own[:, None] for own in r]))[:, 0]
+        return coefficients_of(len(self.columns.parts), self.on, self.d, self.L, beside)
 
     def gradient(self, at: Expansion, change: Sequence[Complexes]) -> Reals:
         """Return J^T C^-1 y for a change y of the residuals at a point, shape (M,); C has all errors."""

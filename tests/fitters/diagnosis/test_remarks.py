@@ -48,7 +48,8 @@ def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
     assert [one.effect for one in diagnosis.result.remarks] == ["thickness-variation"]
     said = " ".join(str(diagnosis).split())
     assert said.startswith("Model and recording agree to within the noise")
-    assert "remark, no mismatch: layer:" in said  # so little is not placed
+    assert "remark, no mismatch: layer:" in said
+    assert "layer:ml1" in said, "so little is not placed: all places are told"
     assert "% (rms) and no constant by its uncertainty" in said
 
 
