@@ -129,6 +129,8 @@ class LinearisedRecording:
     """Loss tangent of the same constants."""
     shapes: Mapping[str, Complexes]
     """d ln Z / d ln size of each effect, shape (N,)."""
+    rough: Sequence[Complexes]
+    """Those of effects whose formulas have rough errors, too."""
     formula: Mapping[str, Complexes]
     """d ln Z per standard error that the model's formula has in these constants, shape (N,); of an exact one none."""
 
@@ -141,7 +143,7 @@ def stack_of(model: Model) -> Stack:
     return stack
 
 
-def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> LinearisedRecording:
+def place_of(recording: Recording, shapes: Mapping[str, Complexes], rough: Sequence[Complexes]) -> LinearisedRecording:
     """Return a recording with the derivatives of its model, which has the values of the fit."""
     model, f = recording.model, recording.sweep.frequency
     bare = model.bare if isinstance(model, Device) else model
@@ -150,7 +152,8 @@ def place_of(recording: Recording, shapes: Mapping[str, Complexes]) -> Linearise
     felt = {name: slope * value for (name, _, value, _), slope in zip(names, slopes, strict=True)}
     errors: Mapping[str, Reals] = bare.formula_errors(f) if isinstance(bare, Approximate) else {}
     formula = {name: felt[name] * error for name, error in errors.items() if name in felt}
-    return LinearisedRecording(recording, Z, felt, {name: loss for name, _, _, loss in names}, shapes, formula)
+    losses = {name: loss for name, _, _, loss in names}
+    return LinearisedRecording(recording, Z, felt, losses, shapes, rough, formula)
 
 
 _Names = list[tuple[str, str, complex, float]]
@@ -411,5 +414,5 @@ def _points(place: LinearisedRecording) -> PointErrors:
     own = [name for name in place.felt if name.startswith(disk)] or list(place.felt)
     squares = sum((np.abs(place.felt[name]) ** 2 for name in own), np.zeros(place.Z.size))
     felt = np.sqrt(scales.ROUGH_FLOOR**2 + squares)
-    bent = np.sqrt(sum((np.abs(own) ** 2 for own in place.shapes.values()), np.zeros(place.Z.size)))
+    bent = np.sqrt(sum((np.abs(own) ** 2 for own in place.rough), np.zeros(place.Z.size)))
     return PointErrors(np.log(place.recording.sweep.frequency), place.recording.noise, felt, bent)

@@ -370,7 +370,9 @@ def _around(
 
 def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool) -> tuple[ErrorSizes, Value]:
     """Return the best along one grid; only its neighbours for parts that need new products of all columns."""
-    if name in ("shape", "bend") and "shape" not in made.columns.parts:
+    if name == "shape" and "shape" not in made.columns.parts:
+        return now, value
+    if name == "bend" and not any(np.any(own.bent) for own in made.columns.points):
         return now, value
     grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))
     near = name in _DEAR or again

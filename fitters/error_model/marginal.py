@@ -34,8 +34,19 @@ _PATH = frozenset({SERIES, SHUNT})
 _FURTHEST = 1.5
 """Largest correction of the logarithm of a held value; a trial step that asks for more is a bad one."""
 
-Shapes = Mapping[str, tuple[tuple[str, Callable[[float], float]], ...]]
-"""For each effect: its size coordinates, each with the function d coordinate / d ln size."""
+
+@dataclass(frozen=True)
+class FormulaError:
+    """How a device may deviate from the formula of an effect."""
+
+    through: tuple[tuple[str, Callable[[float], float]], ...]
+    """Coordinates that it acts through, each with the function d coordinate / d ln parameter."""
+    rough: bool
+    """Whether also from one line's width of frequency to the next, and not only smoothly."""
+
+
+Shapes = Mapping[str, FormulaError]
+"""By effect, and by parameter that may change with frequency."""
 
 
 class Known(Protocol):
@@ -62,7 +73,7 @@ class Marginal:
     objective: Objective
     """Weighted by noise alone."""
     known: Known = field(default_factory=Nothing)
-    shapes: Shapes = field(default_factory=dict[str, tuple[tuple[str, Callable[[float], float]], ...]])
+    shapes: Shapes = field(default_factory=dict[str, FormulaError])
     lines: tuple[WeakLine, ...] = ()
     corrections: Corrections | None = None
     """Corrections of constants about which the errors are linear; none: about exact constants."""
@@ -108,12 +119,13 @@ class Marginal:
         for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
             shapes = {
                 name: sum(
-                    (J[k][:, free.index(at)] * per(float(x[free.index(at)])) for at, per in sizes),
+                    (J[k][:, free.index(at)] * per(float(x[free.index(at)])) for at, per in error.through),
                     np.zeros(len(J[k]), np.complex128),
                 )
-                for name, sizes in self.shapes.items()
+                for name, error in self.shapes.items()
             }
-            places.append(place_of(replace(recording, model=model), shapes))
+            rough = [shapes[name] for name, error in self.shapes.items() if error.rough]
+            places.append(place_of(replace(recording, model=model), shapes, rough))
         held = self._held(x)
         made = columns_of(places, held, self.lines, fast=fast)
         if self.corrections is None:
@@ -278,7 +290,10 @@ def _shapes_of(objective: Objective, searched: Shapes) -> Shapes:
         return {}
     free = objective.coordinates.free
     stated: Shapes = {
-        one.prefix: tuple((name, lambda _: 1.0) for name in list(one.parameters())[: one.effect.sizes] if name in free)
+        one.prefix: FormulaError(
+            tuple((name, lambda _: 1.0) for name in list(one.parameters())[: one.effect.sizes] if name in free),
+            one.effect.errs_roughly,
+        )
         for one in added
     }
     return {**stated, **searched}

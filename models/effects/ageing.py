@@ -16,6 +16,7 @@ class Ageing(Effect):
 
     name = "ageing"
     stage = Stage.CONSTANTS
+    errs_roughly = False
     sizes = 3
     from_later_step = True
     says = "The constants of {where} are others from this step on: it aged, was heated, or lost some of its poling."

@@ -19,6 +19,7 @@ class Cable(Effect):
 
     name = "cable"
     stage = Stage.CABLE
+    errs_roughly = False
     odds = 0.7
     says = "A length of cable between analyzer and device was not compensated."
     separates = "sweep the cable open and shorted at the device's end, or compensate there"

@@ -20,6 +20,7 @@ class DielectricDispersion(Effect):
 
     name = "dielectric-dispersion"
     stage = Stage.CONSTANTS
+    errs_roughly = False
     of_laws = True
     sizes = 2
     says = "The permittivity of {where} falls with frequency, as that of any lossy dielectric does."

@@ -18,6 +18,7 @@ class LeadInductance(Effect):
 
     name = "lead-inductance"
     stage = Stage.TERMINALS
+    errs_roughly = False
     says = "The wire or clip between analyzer and device adds a series inductance that was not compensated."
     separates = "sweep a short circuit in the same clip, or compensate with it"
     references = (

@@ -15,6 +15,7 @@ class Leakage(Effect):
 
     name = "leakage"
     stage = Stage.TERMINALS
+    errs_roughly = False
     says = "Current leaks past the device: over its rim, through flux or moisture, or in the fixture."
     separates = "measure the insulation at direct current, sweep from 100 Hz, or clean and dry the rim"
     references = ("Keysight Impedance Measurement Handbook, section 4", "left-out physics 4.1")

@@ -16,6 +16,7 @@ class LossDispersion(Effect):
 
     name = "loss-dispersion"
     stage = Stage.CONSTANTS
+    errs_roughly = False
     of_laws = True
     says = "The loss of {where} is not the same at all frequencies: its Q changes from one overtone to the next."
     separates = "sweep the third overtone, or the radial and the thickness mode of the same disk"

@@ -17,6 +17,7 @@ class SeriesResistance(Effect):
 
     name = "series-resistance"
     stage = Stage.TERMINALS
+    errs_roughly = False
     sizes = 2
     says = "A contact, an electrode or the wire adds a series resistance that was not compensated."
     separates = "sweep a short circuit in the same clip, press or clean the contact, or measure R at low frequency"

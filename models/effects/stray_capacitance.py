@@ -15,6 +15,7 @@ class StrayCapacitance(Effect):
 
     name = "stray-capacitance"
     stage = Stage.TERMINALS
+    errs_roughly = False
     says = "The fixture or cable adds a parallel capacitance that was not compensated."
     separates = "sweep the empty fixture, or compensate with it; sweep a disk of another size in the same fixture"
     references = ("Keysight Impedance Measurement Handbook, section 4",)

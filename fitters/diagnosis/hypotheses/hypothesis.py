@@ -19,7 +19,7 @@ from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS
 from .problem import Candidate, Problem
-from .size_priors import SizePriors, block_of, log_tails_of, slopes_by_formula
+from .size_priors import SizePriors, block_of, formula_errors, log_tails_of
 
 _EMPTY = ErrorSizes()
 _NEGLIGIBLE = 30.0
@@ -172,7 +172,7 @@ def marginal_of(
     """Return the marginal fit with these effects, starting at `values`."""
     coordinates = coordinates_with(problem, effects, values)
     objective = Objective(recordings or problem.with_effects(effects), coordinates, problem.priors)
-    return Marginal.of(objective, SizePriors(effects, coordinates.free), slopes_by_formula(effects), problem.lines)
+    return Marginal.of(objective, SizePriors(effects, coordinates.free), formula_errors(effects), problem.lines)
 
 
 def fitted(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ....models.base.arrays import Reals
 from ....models.effects import EffectParameter
 from ...engine.parameters.coordinates import Block, between
+from ...error_model.marginal import FormulaError
 from .problem import Candidate
 
 _LOGISTIC = 1.7
@@ -132,17 +133,16 @@ def _mixed(z: Reals, share: float, tail: float) -> Reals:
     return (1 - share) * np.exp(-(z**2) / 2) + share / tail * np.exp(-(z**2) / 2 / tail**2)
 
 
-def slopes_by_formula(effects: Sequence[Candidate]) -> dict[str, tuple[tuple[str, Callable[[float], float]], ...]]:
-    """Return what a smooth error of a formula acts through: coordinates, each with d coordinate / d ln parameter.
-
-    By effect, its sizes together; and by name every further parameter that may change with frequency.
-    """
-    made = {one.prefix: tuple((name, _per_log(knob)) for name, knob in one.sizes) for one in effects}
+def formula_errors(effects: Sequence[Candidate]) -> dict[str, FormulaError]:
+    """Return the errors of formulas: by effect, of its sizes together; and of each parameter that may vary, by name."""
+    made: dict[str, FormulaError] = {}
     for one in effects:
         sizes = dict(one.sizes)
+        rough = one.effect.errs_roughly
+        made[one.prefix] = FormulaError(tuple((name, _per_log(knob)) for name, knob in sizes.items()), rough)
         for name, knob in zip(one.parameters, one.effect_parameters, strict=True):
             if knob.varies and name not in sizes:
-                made[name] = ((name, _per_log(knob)),)
+                made[name] = FormulaError(((name, _per_log(knob)),), rough)
     return made
 
 

@@ -107,6 +107,10 @@ class Effect(ABC):
     formula_errs: ClassVar[bool] = True
     """Whether a device may deviate smoothly from its formula; not if the formula was chosen to describe the device."""
 
+    errs_roughly: ClassVar[bool] = True
+    """Whether it may also deviate from one line's width of frequency to the next, as what is distributed over the face
+    or in the thickness does near resonances. Circuits at the terminals and laws of a material are smooth."""
+
     from_later_step: ClassVar[bool] = False
     """Whether it is a change since the first step, which therefore does not have it."""
 

@@ -16,15 +16,15 @@ from pzctl.fitters.diagnosis.decision_rules import LEFT, ODDS
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates, flaws
 from pzctl.fitters.diagnosis.hypotheses.conditions import as_devices
 from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_out
-from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, coarseness, fitted, probabilities
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, coarseness, fitted, marginal_of, probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.hypotheses.size_priors import (
     SizePriors,
     block_of,
+    formula_errors,
     log_tails_of,
     shown,
-    slopes_by_formula,
     width,
 )
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
@@ -58,6 +58,17 @@ def test_an_effect_is_tried_at_all_its_places(lead_case) -> None:
     }
     assert {one.steps for one in found} == {("disk",)}
     assert {one.effect.name for one in candidates(lead_case.problem)} <= {effect.name for effect in catalogue()}
+
+
+@pytest.mark.parametrize(
+    ("name", "rough"),
+    [("cable", False), ("dielectric-dispersion", False), ("thickness-variation", True), ("local-mass", True)],
+)
+def test_circuits_and_laws_err_smoothly_parts_of_the_face_from_line_to_line(lead_case, name: str, rough: bool) -> None:
+    (one, *_) = candidates(lead_case.problem, (name,))
+    made = marginal_of(lead_case.problem, (one,), lead_case.problem.values)
+    (points,) = made.columns(made.objective.coordinates.x).points
+    assert bool(np.any(points.bent > 0)) is rough
 
 
 @pytest.fixture(scope="module")
@@ -252,11 +263,11 @@ def test_how_usual_a_rest_is_follows_from_two_densities(decades: float) -> None:
 @given(st.floats(-5, 5))
 def test_a_formula_errs_by_the_logarithm_of_what_may_vary(x: float) -> None:
     knob = replace(BETWEEN, varies=True)
-    effect = SimpleNamespace(key="cable", sizes=1)
+    effect = SimpleNamespace(key="cable", sizes=1, errs_roughly=False)
     one = Candidate(effect, "terminals", ("disk",), (FROM_NOTHING, knob))
-    made = slopes_by_formula([one])
+    made = formula_errors([one])
     assert set(made) == {one.prefix, one.prefix + "impedance"}
-    ((name, per_log),) = made[one.prefix + "impedance"]
+    ((name, per_log),) = made[one.prefix + "impedance"].through
     p, slope = block_of(name, knob).forward(np.array([x]))
     assert per_log(x) == pytest.approx(p.item() / slope.item(), rel=1e-9)
 
