@@ -36,11 +36,17 @@ order, and the effect is fitted whatever its gain."""
 ASTRAY = 0.05
 """Probability that constants and dimensions of a right model are further from the build. Where they are, something
 missing has probably moved them, and fits also begin where the build states them: all it costs is time."""
+BUDGET = 10_000_000
+"""Budget: steps of descents times points after which no more effects are sought, none is moved and none is replaced.
+A disk with one effect takes a fortieth of it."""
 UNFINISHED = 5
 """Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of one: a
 probability is computed from how well it describes the recordings where it ended."""
 NEAR = 12.0
 """ln odds within which a hypothesis is kept; anything further behind has a probability below 1e-5."""
+LIKELY = 7.0
+"""ln odds within which a hypothesis is fitted to all points of dense recordings; anything further behind has a
+probability below 1e-3, and no name depends on it."""
 PARENTS = 3
 """Budget: number of best hypotheses that are extended by one more effect, and from which a conclusion is drawn."""
 SUBSTITUTES = 3

@@ -44,6 +44,7 @@ from .validation.cross_sample import carried_over
 from .validation.held_out_misfit import held_out_chi2, unforeseen
 from .validation.residual_summary import in_words, remainder
 
+_EXHAUSTED = "The search ended at its budget of evaluations: combinations of effects that explain more may exist."
 _NOT_CARRIED = "A finite diameter cannot be tested on another sample: diagnose that sample by itself."
 
 
@@ -273,7 +274,11 @@ def _told(
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, {one.effect for one in findings}),
         leftover=left,
-        says=(*_says(verdict, findings, found.remaining), *(_nearest(found) if verdict == "unexplained" else ())),
+        says=(
+            *_says(verdict, findings, found.remaining),
+            *(_nearest(found) if verdict == "unexplained" else ()),
+            *((_EXHAUSTED,) if search.exhausted else ()),
+        ),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=_with_errors(curves_of(final.objective, final.descent.x, final.descent.x), found),
         data=gated.checks,

@@ -19,14 +19,16 @@ ORDER = ("held", "tau", "slow", "fixture", "losses", "uneven", "shape", "fast", 
 _STEPS = 15
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that a normal number exceeds in one case of twenty."""
-_CLOSE, _NEAR = 0.02, 0.3
+_CLOSE, _NEAR = 0.1, 0.3
 """Decrease of minus twice ln density below which a fit has converged, and below which one has that is continued if it
-is worth while; no decision depends on a fiftieth."""
+is worth while; no decision depends on a twentieth of a nat."""
 _LINEAR = 0.1
 """Part of chi2 that corrections of constants may leave beyond first order."""
 _SETTLED, _FURTHER = 3.0, 4
 """Change of ln evidence in a round below which a fit has converged, a tenth of the smallest that decides beside errors
 of instrument or model; number of further rounds until then, at most."""
+_IDLE = 3
+"""Rounds in succession in which the evidence has not grown, after which a fit ends: columns and sizes go to and fro."""
 _RELAXATION = 0.5
 """Part of the way to the minimum with columns of where it began: the minimum with those of where it ends may lie on the
 other side, and so on for ever."""
@@ -91,6 +93,8 @@ class Minimum:
     converged: bool
     corrections: Corrections | None = None
     """Corrections of constants about which the errors are linear."""
+    steps: int = 0
+    """Number of steps of descents that led there."""
 
 
 @dataclass(eq=False)
@@ -249,7 +253,7 @@ def fit(
         starts = tuple(own.at(name, 0.0) for own in starts)
     sizes = starts[0]
     now = best = _Round.before(marginal, x, sizes, fast)
-    converged, held, before = False, False, np.inf
+    converged, held, before, idle, steps = False, False, np.inf, 0, 0
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not (fixed or held):
             again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0)) if k > 0 else ()
@@ -257,6 +261,7 @@ def fit(
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
         last, now = now, now.next(sizes, fast, _RELAXATION if held else 1.0, _CLOSE if compared else _NEAR)
+        steps += now.steps
         if now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
             # The quadratic expansion by which these were chosen promised more than it kept.
             now, sizes, held = last, last.sizes, True
@@ -267,10 +272,13 @@ def fit(
         converged = now.steps < _STEPS and (exact or abs(now.log_evidence - before) < _SETTLED)
         if (k >= rounds - 1 and converged) or (k > 0 and now.steps <= 1 and now.remainder < _LINEAR):
             break
+        idle = 0 if best is now else idle + 1
+        if idle == _IDLE:
+            break
         before = now.log_evidence
     if best.worth > now.worth + _SETTLED:
         now, sizes, converged = best, best.sizes, False
-    minimum = Minimum(now.x, sizes, fast, converged, now.marginal.corrections)
+    minimum = Minimum(now.x, sizes, fast, converged, now.marginal.corrections, steps)
     return MarginalFit(now.marginal, minimum, now.made.value(sizes), now.made)
 
 

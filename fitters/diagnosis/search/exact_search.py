@@ -80,12 +80,19 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
 
 
 def _minimum(problem: Problem, parent: Hypothesis, one: Candidate, start: dict[str, float]) -> Minimum | None:
-    made = _fitted(problem, (*parent.effects, one), {**parent.values, **start})
+    made = _fitted(problem, (*parent.effects, one), {**parent.values, **start}, near=True, compared=False)
     return None if made is None else made.fit.minimum
 
 
 def _fitted(
-    problem: Problem, effects: tuple[Candidate, ...], values: Mapping[str, float], *, near: bool = False
+    problem: Problem,
+    effects: tuple[Candidate, ...],
+    values: Mapping[str, float],
+    *,
+    near: bool = False,
+    compared: bool = True,
 ) -> Hypothesis | None:
     """Return the fit; None if it cannot be computed."""
-    return computed(lambda: fitted(problem, effects, values, _EXACT, near=near, rounds=1, fixed=True))
+    return computed(
+        lambda: fitted(problem, effects, values, _EXACT, near=near, rounds=1, fixed=True, compared=compared)
+    )

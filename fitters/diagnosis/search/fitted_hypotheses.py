@@ -11,7 +11,7 @@ from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
 from ...interface import FitError
-from ..decision_rules import CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
+from ..decision_rules import BUDGET, CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted, probabilities
 from ..hypotheses.problem import Candidate, Problem
 from .plan import Plan
@@ -30,6 +30,8 @@ class FittedHypotheses:
     )
     _fine: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]], kw_only=True)
     _continued: WeakSet[Hypothesis] = field(default_factory=WeakSet[Hypothesis], kw_only=True)
+    _spent: int = field(default=0, kw_only=True)
+    """Steps of all fits so far, times points."""
 
     @property
     def null(self) -> Hypothesis:
@@ -100,9 +102,18 @@ class FittedHypotheses:
     def _made(self, plans: Sequence[Plan]) -> list[Hypothesis | None]:
         """Return the fits; None for each that cannot be computed."""
         if self.jobs == 1:
-            return [self._fitted(plan) for plan in plans]
-        minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
-        return [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
+            made = [self._fitted(plan) for plan in plans]
+        else:
+            minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
+            made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
+        steps = sum(one.fit.minimum.steps for one in made if one is not None)
+        self._spent += steps * sum(recording.sweep.frequency.size for recording in self.problem.recordings)
+        return made
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether the budget of the search is spent: what is left of it is not done."""
+        return self._spent > BUDGET
 
     def _minimum(self, plan: Plan) -> Minimum | None:
         made = self._fitted(plan)
@@ -200,8 +211,11 @@ class FittedHypotheses:
             raise FitError(f"the recordings cannot be fitted with {names}: the model is not finite near their values")
         return made
 
-    def fit_again(self, problem: Problem) -> None:
-        """Fit the best hypotheses again, to other recordings or with another error model."""
+    def fit_again(self, problem: Problem, within: float = NEAR) -> None:
+        """Fit the best hypotheses again, to other recordings or with another error model.
+
+        `within`: ln odds behind the best one up to which a fit is continued there; the others are taken as they are.
+        """
         self.problem = problem
         null, again = self.null, [one for one in self.ranked[:RECHECKED] if one.effects]
         sizes = null.fit.sizes, ErrorSizes()
@@ -209,16 +223,17 @@ class FittedHypotheses:
         self.found = {null.key: self._first((after, replace(anew, near=True), anew))}
         for one in again:
             self.take(self._at(Plan.after(one, ()), one.fit.minimum))
-        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in self._in_reach(self.ranked) if one.effects])
+        near = self._in_reach(self.ranked, within)
+        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
 
     def _promising(self) -> list[Hypothesis]:
         """Return the hypotheses in reach that would be best if their fits kept their promises."""
         most = sorted(self.found.values(), key=lambda one: -one.log_weight - one.fit.promised)
         return self._in_reach(most[:UNFINISHED])
 
-    def _in_reach(self, some: Sequence[Hypothesis]) -> list[Hypothesis]:
+    def _in_reach(self, some: Sequence[Hypothesis], within: float = NEAR) -> list[Hypothesis]:
         """Return those of some hypotheses that are not impossible beside the best one, or may not be after a refit."""
-        least = self.best.log_weight - NEAR * self.best.coarseness
+        least = self.best.log_weight - within * self.best.coarseness
         return [one for one in some if one.log_weight + one.fit.promised > least]
 
 

@@ -10,6 +10,7 @@ from ..decision_rules import (
     CLASS_NATS,
     FITTED_FIRST,
     FITTED_LATER,
+    LIKELY,
     MOST,
     NAMED,
     NEAR,
@@ -55,7 +56,7 @@ class GreedySearch(FittedHypotheses):
         self.try_each_alone()
         self._extend()
         if self._whole is not None:
-            self.fit_again(replace(self._whole, lines=self.problem.lines))
+            self.fit_again(replace(self._whole, lines=self.problem.lines), LIKELY)
             self.polish()
         return self.probable[0]
 
@@ -72,7 +73,7 @@ class GreedySearch(FittedHypotheses):
         if self.best is null:
             self.try_without_errors(null)
             self.account_for_lines()
-            self.grow(self.null, FITTED_FIRST)
+            self._grow_from_none()
 
     def _extend(self) -> None:
         """Add further effects to what has been found, and put others in their place."""
@@ -86,7 +87,7 @@ class GreedySearch(FittedHypotheses):
                 self.grow(parent, FITTED_LATER)
             self.polish()
             # while much is missing all are about as probable: then the evidence tells whether anything was gained
-            if self.probable[0].key == before and self.best.log_weight < least:
+            if self.exhausted or (self.probable[0].key == before and self.best.log_weight < least):
                 break
         self.account_for_lines()
         self.relocate(self.probable[0])
@@ -112,6 +113,8 @@ class GreedySearch(FittedHypotheses):
         if len(one.effects) < 2:
             return
         for effect in one.effects:
+            if self.exhausted:
+                return
             rest = self.without(one, effect)
             self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
@@ -150,7 +153,7 @@ class GreedySearch(FittedHypotheses):
                     continue
                 there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
                 plans.append(Plan((*rest, other), {**one.values, **there}, (one.fit.sizes,)))
-        self.fit(plans)
+        self.fit([] if self.exhausted else plans)
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
@@ -181,37 +184,75 @@ class GreedySearch(FittedHypotheses):
         others = [one for one in self.ranked if not taken & {its.effect.name for its in one.effects}][:1]
         return [one for one in others if one.log_evidence - null > NAMED * (best.log_evidence - null)]
 
+    def _grow_from_none(self) -> None:
+        """Fit the effects alone: those that promise something, then others that may explain as much.
+
+        What an effect promises is computed where the constants are, and what is missing has led these astray: one that
+        promises nothing there may explain everything. Where nothing is missing they are not astray; and where one
+        effect leaves nothing, others explain as much only if their changes resemble its own.
+        """
+        null = self.null
+        lists = self._screened(null)
+        if lists[1]:
+            self._likely = lists[1][0].candidate
+        chosen = self._chosen(lists, null, FITTED_FIRST, choosy=False)
+        self._fit_alone(chosen)
+        others: dict[Candidate, list[ScreenedCandidate]] = {}
+        for promise in (one for promises in lists for one in promises if one.absorbed):
+            others.setdefault(promise.candidate, []).append(promise)
+        others |= {one: promises for one, promises in self._of_each_kind(lists[0]).items() if one not in others}
+        self._fit_alone({one: promises for one, promises in others.items() if one not in chosen})
+
+    def _fit_alone(self, chosen: Mapping[Candidate, Sequence[ScreenedCandidate]]) -> None:
+        """Fit each of these effects alone, from plain least squares and, if that has led nowhere, from the null's."""
+        self.progress(f"trying {len(chosen)} effects")
+        null = self.null
+        self.fit([plan for one, promises in chosen.items() for plan in self._plans(null, one, promises)])
+        lost = [promises[0] for one, promises in chosen.items() if self._lost(null, one)]
+        if self.best.fit.shortfall == 0:
+            lost = [promise for promise in lost if not promise.absorbed]  # it adds nothing to the null near its minimum
+        self.fit([self._near(null, promise, null) for promise in lost])
+
+    def _of_each_kind(self, promises: Sequence[ScreenedCandidate]) -> dict[Candidate, list[ScreenedCandidate]]:
+        """Return the most promising place of each effect that may explain as much as the best hypothesis."""
+        best = self.best
+        if best.fit.shortfall == 0:
+            if not best.effects:
+                return {}
+            own = change_by(self.problem, best, best.effects[0])
+            left = beside(best.effects, [one.candidate for one in promises])
+            alike = {one.candidate for one in resembling(self.problem, best, own, left) if one.gain > RESEMBLING}
+            promises = [one for one in promises if one.candidate in alike]
+        first: dict[str, ScreenedCandidate] = {}
+        for promise in promises:
+            first.setdefault(promise.candidate.effect.name, promise)
+        return {promise.candidate: [promise] for promise in first.values()}
+
     def grow(self, parent: Hypothesis, most: int, like: Hypothesis | None = None) -> None:
-        """Fit the most promising candidates beside a hypothesis.
+        """Fit the most promising candidates beside the effects of a hypothesis.
 
         `like`: the hypothesis that the parent lacks an effect of. One of them may then explain as much as that effect,
         although none promises it from where the constants of the parent are: fits start from those of `like`, too.
         """
         self._grown.add(parent.key)
-        left = self._beside(parent)
-        lists = screened(self.problem, parent, left, self.jobs)
-        for promise in lists[0]:
-            self.twins[promise.candidate] = promise.twins
-        if not parent.effects and lists[1]:
-            self._likely = lists[1][0].candidate
-        chosen = self._chosen(lists, parent, most, choosy=bool(parent.effects))
-        if not parent.effects:
-            chosen = {**_of_each_kind(lists[0]), **chosen}
-            for promise in (one for promises in lists for one in promises if one.absorbed):
-                chosen.setdefault(promise.candidate, []).append(promise)
+        lists = self._screened(parent)
+        chosen = self._chosen(lists, parent, most, choosy=True)
         if like is not None:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
         names = ", ".join(one.effect.name for one in parent.effects)
-        self.progress(f"trying {len(chosen)} effects{f' beside {names}' if names else ''}")
-        if parent.effects:
-            self.fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
-            # What promises much where the misfit counts as noise may need constants that are not near these.
-            far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
-            chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
+        self.progress(f"trying {len(chosen)} effects beside {names or 'none'}")
+        self.fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
+        # What promises much where the misfit counts as noise may need constants that are not near these.
+        far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
+        chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
         self.fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
-        if not parent.effects:
-            lost = [promises[0] for one, promises in chosen.items() if self._lost(parent, one)]
-            self.fit([self._near(parent, promise, parent) for promise in lost])
+
+    def _screened(self, parent: Hypothesis) -> tuple[list[ScreenedCandidate], ...]:
+        """Return the lists of what the candidates promise that have not been tried beside a hypothesis."""
+        lists = screened(self.problem, parent, self._beside(parent), self.jobs)
+        for promise in lists[0]:
+            self.twins[promise.candidate] = promise.twins
+        return lists
 
     def _lost(self, parent: Hypothesis, one: Candidate) -> bool:
         """Return whether one more effect has not improved a hypothesis."""
@@ -234,8 +275,10 @@ class GreedySearch(FittedHypotheses):
     ) -> dict[Candidate, list[ScreenedCandidate]]:
         """Return the first candidates of all lists in turn; `choosy`: those that would count beside what is missing."""
         chosen: dict[Candidate, list[ScreenedCandidate]] = {}
+        # a residual that usual errors explain is no noise
+        least_gains = (SOFT if parent.fit.shortfall > 0 else np.inf, WORTH, WORTH, WORTH)
         for rank in range(max(map(len, lists))):
-            for promises, least in zip(lists, (SOFT, WORTH, WORTH, WORTH), strict=True):
+            for promises, least in zip(lists, least_gains, strict=True):
                 if rank >= len(promises) or promises[rank].gain < least or len(chosen) >= most:
                     continue
                 gain = promises[rank].gain
@@ -269,18 +312,6 @@ class GreedySearch(FittedHypotheses):
         first = self.probable[0]
         if first is not one and len(first.effects) < len(one.effects):
             self.thin(first)
-
-
-def _of_each_kind(promises: Sequence[ScreenedCandidate]) -> dict[Candidate, list[ScreenedCandidate]]:
-    """Return the most promising place of each effect.
-
-    What an effect promises is computed where the constants have been led astray by all that is missing: an effect that
-    promises nothing there may explain everything.
-    """
-    first: dict[str, ScreenedCandidate] = {}
-    for promise in promises:
-        first.setdefault(promise.candidate.effect.name, promise)
-    return {promise.candidate: [promise] for promise in first.values()}
 
 
 def _apart(promises: Sequence[ScreenedCandidate]) -> list[ScreenedCandidate]:
