@@ -44,7 +44,7 @@ from .validation.cross_sample import carried_over
 from .validation.held_out_misfit import held_out_chi2, unforeseen
 from .validation.residual_summary import in_words, remainder
 
-_EXHAUSTED = "The search ended at its budget of evaluations: combinations of effects that explain more may exist."
+_CUT_SHORT = "The search ended at its budget of evaluations: combinations of effects that explain more may exist."
 _NOT_CARRIED = "A finite diameter cannot be tested on another sample: diagnose that sample by itself."
 
 
@@ -277,7 +277,7 @@ def _told(
         says=(
             *_says(verdict, findings, found.remaining),
             *(_nearest(found) if verdict == "unexplained" else ()),
-            *((_EXHAUSTED,) if search.exhausted else ()),
+            *((_CUT_SHORT,) if search.cut_short else ()),
         ),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
         after=_with_errors(curves_of(final.objective, final.descent.x, final.descent.x), found),

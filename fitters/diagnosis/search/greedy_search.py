@@ -42,6 +42,8 @@ class GreedySearch(FittedHypotheses):
     seeds: tuple[tuple[tuple[Candidate, ...], Mapping[str, float]], ...] = ()
     """Effects with values near their minimum, where that cannot be found from the fit without effects."""
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
+    cut_short: bool = False
+    """Whether the search has ended at its budget."""
     _begun: bool = False
     _whole: Problem | None = None
     """The problem with all recorded points, while the search is done with fewer."""
@@ -93,6 +95,7 @@ class GreedySearch(FittedHypotheses):
         self.relocate(self.probable[0])
         self.thin(self.probable[0])
         self.substitute(self.probable[0])
+        self.cut_short = self.exhausted
 
     def try_without_errors(self, start: Hypothesis) -> None:
         """Look for hypotheses that explain the recordings to their noise without any errors, beginning at `start`."""

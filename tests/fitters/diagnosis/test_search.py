@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Problem
+from pzctl.fitters.diagnosis.search import fitted_hypotheses
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.refit import as_refit, refit, shift_of
 from pzctl.fitters.diagnosis.search.score_test import scores, together
@@ -176,3 +178,15 @@ def test_without_candidates_the_search_finds_nothing(lead_case) -> None:
     search = GreedySearch(lead_case.problem, ())
     assert search.run().effects == ()
     assert search.inclusion({"lead-inductance"}) == 0
+
+
+def test_a_search_that_ends_at_its_budget_says_so(lead_case, monkeypatch: pytest.MonkeyPatch) -> None:
+    considered = [one.effect.name for one in lead_case.candidates]
+    whole = diagnose(lead_case.task, considered)
+    monkeypatch.setattr(fitted_hypotheses, "BUDGET", 0)
+    cut = diagnose(lead_case.task, considered)
+    assert [one.effect for one in cut.findings] == [one.effect for one in whole.findings] == ["lead-inductance"]
+    assert (*whole.says, "The search ended at its budget of evaluations") == (
+        *cut.says[:-1],
+        cut.says[-1].split(":")[0],
+    )
