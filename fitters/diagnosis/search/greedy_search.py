@@ -222,9 +222,13 @@ class GreedySearch(FittedHypotheses):
         if best.fit.shortfall == 0:
             if not best.effects:
                 return {}
-            own = change_by(self.problem, best, best.effects[0])
             left = beside(best.effects, [one.candidate for one in promises])
-            alike = {one.candidate for one in resembling(self.problem, best, own, left) if one.gain > RESEMBLING}
+            alike = {
+                found.candidate
+                for effect in best.effects
+                for found in resembling(self.problem, best, change_by(self.problem, best, effect), left)
+                if found.gain > RESEMBLING
+            }
             promises = [one for one in promises if one.candidate in alike]
         first: dict[str, ScreenedCandidate] = {}
         for promise in promises:
@@ -243,7 +247,7 @@ class GreedySearch(FittedHypotheses):
         if like is not None:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
         names = ", ".join(one.effect.name for one in parent.effects)
-        self.progress(f"trying {len(chosen)} effects beside {names or 'none'}")
+        self.progress(f"trying {len(chosen)} effects beside {names}")
         self.fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
         # What promises much where the misfit counts as noise may need constants that are not near these.
         far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
