@@ -4,7 +4,6 @@ The point in the middle of a group stays, less its own deviation from a smooth c
 curve is that of stable poles, as any causal linear device allows, so that no model of the device decides what counts.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -22,7 +21,7 @@ from .problem import Problem
 
 _WIDE = ROUGH_LENGTH
 """Largest width of a group in ln f: three quarters of a rough error's variance are common to its points, so that its
-size comes out 14 % too small; what is in reach in the end is fitted to all points."""
+size comes out 14 % too small; what is likely in the end is fitted to all points."""
 _FAR = 0.2
 """Largest change of ln Z within a group: over so little of a resonance, derivatives are linear to 1 %."""
 _BIASED = 0.3
@@ -38,16 +37,13 @@ def condensed(problem: Problem, colour: float) -> Problem:
 
     `colour`: correlation of the noise of neighbouring points. The recordings keep the timing of their sweeps.
     """
-    most = _WORTH * _points(problem.recordings)
+    most = _WORTH * problem.points
     sweeps = [one.sweep for one in problem.recordings]
     if sum(_Groups.of(np.log(own.frequency), np.log(own.impedance)).counts.size for own in sweeps) > most:
         return problem
     made = tuple(_condensed(one, colour) for one in problem.recordings)
-    return replace(problem, recordings=made, proof=()) if _points(made) < most else problem
-
-
-def _points(recordings: Sequence[Recording]) -> int:
-    return sum(one.noise.size for one in recordings)
+    shorter = replace(problem, recordings=made, proof=())
+    return shorter if shorter.points < most else problem
 
 
 def _condensed(recording: Recording, colour: float) -> Recording:

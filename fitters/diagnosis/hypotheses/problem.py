@@ -94,6 +94,11 @@ class Problem:
     """Further resonances that are part of the error model."""
 
     @property
+    def points(self) -> int:
+        """Number of points of all recordings."""
+        return sum(recording.sweep.frequency.size for recording in self.recordings)
+
+    @property
     def steps(self) -> tuple[str, ...]:
         """The recorded steps, in gluing order."""
         return tuple(dict.fromkeys(recording.step for recording in self.recordings))

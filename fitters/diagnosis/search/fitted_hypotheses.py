@@ -106,8 +106,7 @@ class FittedHypotheses:
         else:
             minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
             made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
-        steps = sum(one.fit.minimum.steps for one in made if one is not None)
-        self._spent += steps * sum(recording.sweep.frequency.size for recording in self.problem.recordings)
+        self._spent += self.problem.points * sum(one.fit.minimum.steps for one in made if one is not None)
         return made
 
     @property

@@ -53,7 +53,7 @@ class GreedySearch(FittedHypotheses):
     def run(self) -> Hypothesis:
         """Run the complete search; return the most probable hypothesis.
 
-        Dense recordings are condensed; what is in reach in the end is fitted to all points.
+        Dense recordings are condensed; what is likely in the end is fitted to all points.
         """
         self.try_each_alone()
         self._extend()

@@ -103,8 +103,7 @@ def explaining_most(
     explains to be told from it.
     """
     as_noise, *_ = screened(problem, parent, candidates, jobs)
-    numbers = 2 * sum(recording.sweep.frequency.size for recording in problem.recordings)
-    return tuple(one.candidate for one in as_noise if 2 * one.gain > NAMED * numbers)
+    return tuple(one.candidate for one in as_noise if one.gain > NAMED * problem.points)
 
 
 def resembling(
