@@ -13,6 +13,7 @@ class ElectrodeMass(Effect):
     """A mass on a face or between two layers; within one band it resembles a softer or thicker disk, to 0.2 %."""
 
     name = "electrode-mass"
+    stays = True
     says = "There is a mass at {where} that the build omits: an electrode, wax or ink."
     separates = (
         "weigh the disk and measure its thickness, or sweep the third and fifth overtone; one band is not enough"

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.special import ive, kve
 
 from ..base.arrays import Complexes, Impedances
-from ..stack import Stack
+from ..stack import Piezo, Stack
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, EffectParameter, Stage
+from .base.effect import FACES, Effect, EffectParameter, Stage, interfaces
 from .base.scale import reactance
 
 
@@ -21,6 +21,7 @@ class ElectrodeSheet(Effect):
 
     name = "electrode-sheet"
     stage = Stage.TERMINALS
+    stays = True
     odds = 0.1  # contacts and wires are far more common
     says = "The electrode at {where} is thin: its own resistance, spread over the face, is in series with the device."
     separates = "measure the resistance from rim to rim of the electrode, or contact it in several places"
@@ -30,8 +31,14 @@ class ElectrodeSheet(Effect):
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
-        """Return both faces."""
-        return FACES
+        """Return both electrodes: the outer faces of the piezoelectric layers, glued to something or not."""
+        piezo = [isinstance(layer, Piezo) for layer in stack.layers]
+        if not any(piezo):
+            return ()
+        inner = interfaces(stack)
+        last = len(piezo) - 1 - piezo[::-1].index(True)
+        rear = FACES[0] if piezo[0] else inner[piezo.index(True) - 1]
+        return (rear, FACES[1] if last == len(piezo) - 1 else inner[last])
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the resistance per square in ohm and the contact's radius over the electrode's."""

@@ -8,7 +8,7 @@ import numpy as np
 from ....models.base.model import Model
 from ....models.effects import Device, Effect, EffectParameter
 from ....models.effects.base.assembly import HasLaws
-from ....models.effects.base.effect import FACES, SWEEP, TERMINALS
+from ....models.effects.base.effect import FACES, SWEEP, TERMINALS, interfaces, is_bare_front
 from ....models.stack import Stack
 from ...user_effects import every_effect
 from .instrument_artefacts import ANY, FLAWS
@@ -20,7 +20,8 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
 
     An effect in a layer, at an interface or on the back is present in every step that has that place. An effect at the
     terminals may be present in all steps, from one step onwards (another clip), or in one; an effect of the sweep in
-    all steps or in one. The front of a step is buried by the next one, so it belongs to its step alone.
+    all steps or in one. The front of a step is buried by the next one, so it belongs to its step alone, unless the
+    effect stays there: a mass on the disk's front is later one between the disk and what is glued to it.
     A model that is no stack can only have effects outside of it, and those of its layers' laws if it has laws.
     """
     wanted = None if names is None else set(names)
@@ -37,10 +38,12 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
     """Return the candidates of one effect."""
     places: dict[str, list[str]] = {}
     devices = {recording.step: recording.model for recording in problem.recordings}
+    stacks = [device.reference for device in devices.values() if isinstance(device, Device)]
     for step, device in devices.items():
         if isinstance(device, Device) and _possible(effect, device.bare):
             for where in effect.looked_for(device.reference):
-                places.setdefault(where, []).append(step)
+                there = _covered(device.reference, stacks) if effect.stays and where == FACES[1] else None
+                places.setdefault(there or where, []).append(step)
     found: list[Candidate] = []
     for where, steps in places.items():
         device = devices[steps[-1]]
@@ -57,6 +60,12 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
             groups = step_groups(where, open_steps) if open_steps else []
         found += [Candidate(effect, where, group, effect_parameters) for group in groups]
     return found
+
+
+def _covered(stack: Stack, stacks: Sequence[Stack]) -> str | None:
+    """Return the interface that the front of a stack becomes in a later one of `stacks`; None if it stays free."""
+    there = [where for other in stacks for where in interfaces(other) if is_bare_front(stack, where)]
+    return there[0] if there else None
 
 
 def _possible(effect: Effect, model: Model) -> bool:

@@ -150,7 +150,7 @@ def tried(
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        found = disk_with_wires(task, hopeless, progress, jobs)
+        found = disk_with_wires(task, hopeless, progress, jobs, _rms(null))
         return DiskTried(found.alone, found.whole, found.beside, disk_result(found.whole, time.perf_counter() - began))
     except FitError:
         return None

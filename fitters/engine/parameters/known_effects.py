@@ -162,7 +162,7 @@ def _known(spec: EffectSpec, stacks: Mapping[str, Stack], number: int) -> KnownE
             raise KnownEffectError(
                 f"{effect.name}: {keys[knob.name]} is 0 with u = {u:g}; give the value from which the fit is to start"
             )
-    steps = tuple(step for step in _steps_of(spec, stacks) if spec.where in effect.places(stacks[step]))
+    steps = tuple(step for step in _steps_of(spec, stacks) if effect.is_in(stacks[step], spec.where))
     return KnownEffect(spec, effect, steps, knobs)
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from ...stack import Layer, Piezo, Stack
 from ...stack.row import Joins
-from .effect import FACES, interface_at
+from .effect import FACES, interface_at, is_bare_front
 
 
 def with_layer_between(stack: Stack, where: str, layer: Layer | Joins) -> Stack:
@@ -14,13 +14,18 @@ def with_layer_between(stack: Stack, where: str, layer: Layer | Joins) -> Stack:
 
 
 def with_layer_on_piezo(stack: Stack, where: str, layer: Layer | Joins) -> Stack:
-    """Return the stack with a layer at a face or interface; at an interface it is on the piezoelectric layer."""
+    """Return the stack with a layer at a face or interface; at an interface it is on the piezoelectric layer.
+
+    An interface that is not glued yet is the front.
+    """
     return _with_layer(stack, _position(stack, where), layer)
 
 
 def _position(stack: Stack, where: str) -> int:
     if where in FACES:
         return 0 if where == FACES[0] else len(stack.layers)
+    if is_bare_front(stack, where):
+        return len(stack.layers)
     names = [layer.name for layer in stack.layers]
     behind, before = (names.index(name) for name in interface_at(where))
     return before if isinstance(stack.layers[before], Piezo) else behind + 1

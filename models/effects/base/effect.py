@@ -114,6 +114,9 @@ class Effect(ABC):
     from_later_step: ClassVar[bool] = False
     """Whether it is a change since the first step, which therefore does not have it."""
 
+    stays: ClassVar[bool] = False
+    """Whether it stays on a front that the next step glues onto: its place is that interface, and before, the front."""
+
     of_laws: ClassVar[bool] = False
     """Whether it bends a law of a layer's stiffness or permittivity, which models other than stacks have, too."""
 
@@ -144,6 +147,10 @@ class Effect(ABC):
     def looked_for(self, stack: Stack) -> tuple[str, ...]:
         """Return the places at which a diagnosis looks for it: none where it only changes what the build states."""
         return self.places(stack)
+
+    def is_in(self, stack: Stack, where: str) -> bool:
+        """Return whether a stack has this place, or for an effect that stays the front that will become it."""
+        return where in self.places(stack) or (self.stays and is_bare_front(stack, where))
 
     @abstractmethod
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
@@ -183,6 +190,12 @@ def interfaces(stack: Stack) -> tuple[str, ...]:
     """Return every interface between two layers, back to front."""
     names = [layer.name for layer in stack.layers]
     return tuple(f"interface:{a}|{b}" for a, b in pairwise(names))
+
+
+def is_bare_front(stack: Stack, where: str) -> bool:
+    """Return whether the front of a stack is the rear side of this interface, with nothing on it yet."""
+    behind, before = interface_at(where)
+    return stack.layers[-1].name == behind and before not in [layer.name for layer in stack.layers]
 
 
 FACES = ("face:back", "face:front")

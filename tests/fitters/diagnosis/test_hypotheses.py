@@ -92,6 +92,15 @@ def test_between_two_steps_a_clip_may_change_but_a_bond_stays(two_steps) -> None
     assert sorted(fronts) == sorted([(first,), (last,)]), "the front of a step is inside the next one"
 
 
+@pytest.mark.parametrize("name", ["electrode-mass", "electrode-sheet"])
+def test_an_electrode_stays_on_the_disk_when_something_is_glued_to_it(two_steps, name: str) -> None:
+    first, last = two_steps.steps
+    found = {one.where: one.steps for one in candidates(two_steps, (name,))}
+    (glued,) = (where for where in found if where.startswith("interface:disk|"))
+    assert found[glued] == found["face:back"] == (first, last)
+    assert found.get("face:front", (last,)) == (last,), "the disk's front is free in the first step only"
+
+
 def test_an_effect_is_moved_to_no_place_where_there_is_one_of_its_kind(two_steps, monkeypatch) -> None:
     every = candidates(two_steps, ("face-load", "lead-inductance"))
     (back,) = (one for one in every if one.where == "face:back")

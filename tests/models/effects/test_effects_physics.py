@@ -177,6 +177,11 @@ def test_a_void_at_an_interface_and_one_through_the_layer_may_stand_together() -
     assert np.all(both.real > 0)
 
 
+def test_a_mass_between_disk_and_glue_is_on_the_front_before_the_glueing() -> None:
+    before = added("electrode-mass", "interface:disk|glue1", BARE, mass=0.05).impedance(F)
+    close(before, added("electrode-mass", "face:front", BARE, mass=0.05).impedance(F))
+
+
 def test_glue_is_omitted_only_where_there_is_none() -> None:
     bond = find_effect("bond-layer")
     assert bond.looked_for(Stack((DISK, ML1), AIR, WATER, AREA)) == ("interface:disk|ml1",)
