@@ -116,15 +116,15 @@ class Marginal:
         J = self._unweighted(self._corrected.jacobian(x).T)
         free = self.objective.coordinates.free
         places: list[LinearisedRecording] = []
+        seen = self._beyond_constants(J)
         for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
-            shapes = {
-                name: sum(
-                    (J[k][:, free.index(at)] * per(float(x[free.index(at)])) for at, per in error.through),
-                    np.zeros(len(J[k]), np.complex128),
-                )
-                for name, error in self.shapes.items()
-            }
-            rough = [shapes[name] for name, error in self.shapes.items() if error.rough]
+
+            def through(error: FormulaError, slopes: Complexes) -> Complexes:
+                parts = (slopes[:, free.index(at)] * per(float(x[free.index(at)])) for at, per in error.through)
+                return sum(parts, np.zeros(len(slopes), np.complex128))
+
+            shapes = {name: through(error, J[k]) for name, error in self.shapes.items()}
+            rough = [through(error, seen[k]) for error in self.shapes.values() if error.rough]
             places.append(place_of(replace(recording, model=model), shapes, rough))
         held = self._held(x)
         made = columns_of(places, held, self.lines, fast=fast)
@@ -135,6 +135,33 @@ class Marginal:
             moved = self.corrections.held.get(one.name, 0.0) / one.relative
             absorbed = [total + moved * own for total, own in zip(absorbed, one.columns, strict=True)]
         return replace(made, absorbed=tuple(absorbed))
+
+    def _beyond_constants(self, J: Sequence[Complexes]) -> Sequence[Complexes]:
+        """Return the part of derivatives by effects that constants cannot imitate, for each recording, shape (N, P).
+
+        Rough errors of a formula are in proportion to it: else an effect that does nothing could have any errors.
+        """
+        free = self.objective.coordinates.free
+        of_constants = [k for k, name in enumerate(free) if "@" not in name]
+        through = {at for error in self.shapes.values() if error.rough for at, _ in error.through}
+        of_effects = [free.index(name) for name in through]
+        if not of_effects or not of_constants:
+            return J
+        weighted = np.concatenate(
+            [own / one.noise[:, None] for own, one in zip(J, self.objective.recordings, strict=True)]
+        )
+        rows = np.concatenate([weighted.real, weighted.imag])
+        size = np.linalg.norm(rows[:, of_constants], axis=0)
+        kept = [k for k, own in zip(of_constants, size.tolist(), strict=True) if own > 0]
+        Q, _ = np.linalg.qr(rows[:, kept] / size[size > 0])
+        left = rows[:, of_effects] - Q @ (Q.T @ rows[:, of_effects])
+        half = len(weighted)
+        made, start = [own.copy() for own in J], 0
+        for own, one in zip(made, self.objective.recordings, strict=True):
+            part = slice(start, start + len(own))
+            own[:, of_effects] = (left[:half][part] + 1j * left[half:][part]) * one.noise[:, None]
+            start += len(own)
+        return made
 
     def _absorbed(self, place: LinearisedRecording) -> Complexes:
         """Return what the corrections change in ln Z of a recording to first order, shape (N,)."""

@@ -17,7 +17,8 @@ from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER, Minimum
 from ..hypotheses.candidates import step_groups
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, marginal_of
+from ..hypotheses.condensed_recordings import condensed
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, marginal_of
 from ..hypotheses.instrument_artefacts import InstrumentArtefact
 from ..hypotheses.problem import Candidate, Problem
 from .drawn_corrections import PlacedCorrection, drawn
@@ -42,10 +43,13 @@ def placed_corrections(
 
     It is the same in all recordings that show the place: that is what tells places apart. No other smooth error of the
     constants is allowed with it: the question is which single place explains the residual.
-    `jobs`: number of processes. `thorough`: whether each correction is fitted from several starts and without errors of
-    the effects' formulas, as a law that is learned from it needs; otherwise from its first-order solution alone.
+    `jobs`: number of processes. `thorough`: whether each correction is fitted to all points, from several starts and
+    without errors of the effects' formulas, as a law that is learned from it needs; otherwise to condensed recordings,
+    from its first-order solution alone.
     """
     try:
+        if not thorough:
+            problem, parent = _condensed(problem, parent)
         alone = usually_fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), barred=_barred(thorough))
     except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
         return ()
@@ -70,6 +74,14 @@ def placed_corrections(
     shares = (part / np.sum(part)).tolist()[1:]
     shown = [drawn(problem, *one, share) for one, share in zip(found, shares, strict=True)]
     return tuple(sorted(shown, key=lambda one: -one.probability))
+
+
+def _condensed(problem: Problem, parent: Hypothesis) -> tuple[Problem, Hypothesis]:
+    """Return the problem and a hypothesis with fewer points."""
+    few = condensed(problem, parent.fit.sizes.colour)
+    if few is problem:
+        return problem, parent
+    return few, fitted(few, parent.effects, parent.values, (parent.fit.sizes,), near=True, compared=False)
 
 
 def all_places(problem: Problem, *, loads: bool = False) -> tuple[tuple[Place, tuple[str, ...]], ...]:
