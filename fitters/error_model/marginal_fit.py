@@ -114,6 +114,15 @@ class MarginalFit:
         made = _gram_at(marginal, minimum)
         return cls(marginal, minimum, made.value(minimum.sizes), made)
 
+    def with_sizes_of(self, others: Sequence[ErrorSizes]) -> "MarginalFit":
+        """Return the fit at the same place, with the most probable sizes of errors there.
+
+        For recordings other than those that it was fitted to; `others`: sizes to begin with beside its own.
+        """
+        order = [name for name in ORDER if name != "fast" or self.minimum.fast]
+        sizes, value = chosen(self.gram, (self.sizes, *others), order, all_starts=False)
+        return MarginalFit(self.marginal, replace(self.minimum, sizes=sizes, converged=False), value, self._gram)
+
     @property
     def gram(self) -> Gram:
         """Products of columns, derivatives and residual; megabytes for each thousand points."""

@@ -206,10 +206,18 @@ def fitted(
 
 
 def at_minimum(
-    problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float], minimum: Minimum
+    problem: Problem,
+    effects: Sequence[Candidate],
+    values: Mapping[str, float],
+    minimum: Minimum,
+    anew: Sequence[ErrorSizes] = (),
 ) -> Hypothesis:
-    """Return the hypothesis that `fitted` from these values found in another process."""
-    return _weighed(effects, MarginalFit.at(marginal_of(problem, effects, values), minimum))
+    """Return the hypothesis that `fitted` from these values found in another process or for other recordings.
+
+    `anew`: sizes of errors to begin with where they are to be chosen again, for other recordings.
+    """
+    found = MarginalFit.at(marginal_of(problem, effects, values), minimum)
+    return _weighed(effects, found.with_sizes_of(anew) if anew else found)
 
 
 def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:

@@ -221,9 +221,18 @@ class FittedHypotheses:
         after, anew = Plan.after(null, sizes), Plan((), null.values, sizes, compared=True)
         self.found = {null.key: self._first((after, replace(anew, near=True), anew))}
         for one in again:
-            self.take(self._at(Plan.after(one, ()), one.fit.minimum))
+            self.take(self._taken_over(one))
         near = self._in_reach(self.ranked, within)
         self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
+
+    def _taken_over(self, one: Hypothesis) -> Hypothesis | None:
+        """Return a hypothesis where its fit ended, with other recordings or another error model.
+
+        Its errors may have other sizes there, the colour of noise above all: means of groups are nearly white.
+        """
+        own, null = one.fit.sizes, self.null.fit.sizes
+        anew = (own.at("colour", null.colour), own.at("colour", null.colour).at("rho", null.rho))
+        return computed(lambda: at_minimum(self.problem, one.effects, one.values, one.fit.minimum, anew))
 
     def _promising(self) -> list[Hypothesis]:
         """Return the hypotheses in reach that would be best if their fits kept their promises."""
