@@ -228,10 +228,12 @@ class FittedHypotheses:
     def _taken_over(self, one: Hypothesis) -> Hypothesis | None:
         """Return a hypothesis where its fit ended, with other recordings or another error model.
 
-        Its errors may have other sizes there, the colour of noise above all: means of groups are nearly white.
+        Its errors, if it has any, may have other sizes there, the colour of noise above all: means of groups are nearly
+        white.
         """
         own, null = one.fit.sizes, self.null.fit.sizes
-        anew = (own.at("colour", null.colour), own.at("colour", null.colour).at("rho", null.rho))
+        coloured = own.at("colour", null.colour)
+        anew = () if own.exact else (coloured, coloured.at("rho", null.rho))
         return computed(lambda: at_minimum(self.problem, one.effects, one.values, one.fit.minimum, anew))
 
     def _promising(self) -> list[Hypothesis]:
