@@ -141,27 +141,27 @@ class Marginal:
 
         Rough errors of a formula are in proportion to it: else an effect that does nothing could have any errors.
         """
-        free = self.objective.coordinates.free
-        of_constants = [k for k, name in enumerate(free) if "@" not in name]
-        through = {at for error in self.shapes.values() if error.rough for at, _ in error.through}
-        of_effects = [free.index(name) for name in through]
-        if not of_effects or not of_constants:
+        free, recordings = self.objective.coordinates.free, self.objective.recordings
+        rough = {free.index(at) for error in self.shapes.values() if error.rough for at, _ in error.through}
+        of_constants = [k for k, name in enumerate(free) if name not in self._of_effects]
+        if not rough or not of_constants:
             return J
-        weighted = np.concatenate(
-            [own / one.noise[:, None] for own, one in zip(J, self.objective.recordings, strict=True)]
-        )
+        weighted = np.concatenate([own / one.noise[:, None] for own, one in zip(J, recordings, strict=True)])
         rows = np.concatenate([weighted.real, weighted.imag])
-        size = np.linalg.norm(rows[:, of_constants], axis=0)
-        kept = [k for k, own in zip(of_constants, size.tolist(), strict=True) if own > 0]
-        Q, _ = np.linalg.qr(rows[:, kept] / size[size > 0])
-        left = rows[:, of_effects] - Q @ (Q.T @ rows[:, of_effects])
-        half = len(weighted)
-        made, start = [own.copy() for own in J], 0
-        for own, one in zip(made, self.objective.recordings, strict=True):
-            part = slice(start, start + len(own))
-            own[:, of_effects] = (left[:half][part] + 1j * left[half:][part]) * one.noise[:, None]
-            start += len(own)
+        size = np.linalg.norm(rows, axis=0)
+        scaled = rows / np.where(size > 0, size, 1.0)
+        alike, *_ = np.linalg.lstsq(scaled[:, of_constants], scaled[:, sorted(rough)])
+        per_unit = alike * size[sorted(rough)] / np.where(size > 0, size, 1.0)[of_constants, None]
+        made = [own.copy() for own in J]
+        for own in made:
+            own[:, sorted(rough)] -= own[:, of_constants] @ per_unit
         return made
+
+    @cached_property
+    def _of_effects(self) -> frozenset[str]:
+        """Names of the parameters of effects."""
+        devices = [one.model for one in self.objective.recordings if isinstance(one.model, Device)]
+        return frozenset(name for device in devices for added in device.added for name in added.parameters())
 
     def _absorbed(self, place: LinearisedRecording) -> Complexes:
         """Return what the corrections change in ln Z of a recording to first order, shape (N,)."""
