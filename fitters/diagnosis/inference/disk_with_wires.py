@@ -191,10 +191,24 @@ def with_terminals(alone: FittedDisk, base: FittedDisk, progress: Callable[[str]
         first, taken = not taken, (*taken, one)
         few = _fitted(few, taken, values)
         if first:  # what an effect that was missing did to the losses is no sign of their law
-            few, taken = _lawful(few, taken, values)
+            few, taken = _instead(*_lawful(few, taken, values), jobs)
             values = _sizes_of(few, taken)
         before = _chi2_alone(few)
     return DiskBeside(alone, *_lawful(_whole(few, base), taken, values)) if taken else DiskBeside(alone, alone)
+
+
+def _instead(few: FittedDisk, taken: tuple[Candidate, ...], jobs: int) -> tuple[FittedDisk, tuple[Candidate, ...]]:
+    """Return the disk with another effect in place of its only one, if it is better, else the same.
+
+    A look-alike, as a cable is of a lead, takes the constants to where the right one can be fitted.
+    """
+    before = _chi2_alone(few)
+    if before < _of_noise(few.descent.objective.points):
+        return few, taken
+    without = _without(few, [one.effect.name for one in taken])
+    others = [one for one in _choices(few) if (one.effect, one.where) not in [(o.effect, o.where) for o in taken]]
+    found = _best_beside(without, (), [(one, z) for one in others for z in _sides(one, _STARTS)], before, jobs)
+    return (few, taken) if found is None else (_fitted(without, found[:1], found[1]), found[:1])
 
 
 def _whole(few: FittedDisk, base: FittedDisk) -> FittedDisk:
