@@ -116,15 +116,15 @@ class Marginal:
         J = self._unweighted(self._corrected.jacobian(x).T)
         free = self.objective.coordinates.free
         places: list[LinearisedRecording] = []
-        seen = self._beyond_constants(J)
         for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
-
-            def through(error: FormulaError, slopes: Complexes) -> Complexes:
-                parts = (slopes[:, free.index(at)] * per(float(x[free.index(at)])) for at, per in error.through)
-                return sum(parts, np.zeros(len(slopes), np.complex128))
-
-            shapes = {name: through(error, J[k]) for name, error in self.shapes.items()}
-            rough = [through(error, seen[k]) for error in self.shapes.values() if error.rough]
+            shapes = {
+                name: sum(
+                    (J[k][:, free.index(at)] * per(float(x[free.index(at)])) for at, per in error.through),
+                    np.zeros(len(J[k]), np.complex128),
+                )
+                for name, error in self.shapes.items()
+            }
+            rough = [shapes[name] for name, error in self.shapes.items() if error.rough]
             places.append(place_of(replace(recording, model=model), shapes, rough))
         held = self._held(x)
         made = columns_of(places, held, self.lines, fast=fast)
@@ -135,33 +135,6 @@ class Marginal:
             moved = self.corrections.held.get(one.name, 0.0) / one.relative
             absorbed = [total + moved * own for total, own in zip(absorbed, one.columns, strict=True)]
         return replace(made, absorbed=tuple(absorbed))
-
-    def _beyond_constants(self, J: Sequence[Complexes]) -> Sequence[Complexes]:
-        """Return the part of derivatives by effects that constants cannot imitate, for each recording, shape (N, P).
-
-        Rough errors of a formula are in proportion to it: else an effect that does nothing could have any errors.
-        """
-        free, recordings = self.objective.coordinates.free, self.objective.recordings
-        rough = {free.index(at) for error in self.shapes.values() if error.rough for at, _ in error.through}
-        of_constants = [k for k, name in enumerate(free) if name not in self._of_effects]
-        if not rough or not of_constants:
-            return J
-        weighted = np.concatenate([own / one.noise[:, None] for own, one in zip(J, recordings, strict=True)])
-        rows = np.concatenate([weighted.real, weighted.imag])
-        size = np.linalg.norm(rows, axis=0)
-        scaled = rows / np.where(size > 0, size, 1.0)
-        alike, *_ = np.linalg.lstsq(scaled[:, of_constants], scaled[:, sorted(rough)])
-        per_unit = alike * size[sorted(rough)] / np.where(size > 0, size, 1.0)[of_constants, None]
-        made = [own.copy() for own in J]
-        for own in made:
-            own[:, sorted(rough)] -= own[:, of_constants] @ per_unit
-        return made
-
-    @cached_property
-    def _of_effects(self) -> frozenset[str]:
-        """Names of the parameters of effects."""
-        devices = [one.model for one in self.objective.recordings if isinstance(one.model, Device)]
-        return frozenset(name for device in devices for added in device.added for name in added.parameters())
 
     def _absorbed(self, place: LinearisedRecording) -> Complexes:
         """Return what the corrections change in ln Z of a recording to first order, shape (N,)."""
