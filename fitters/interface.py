@@ -5,8 +5,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
+import numpy as np
+
 from ..models.base.arrays import Frequencies, Impedances
-from ..models.base.errors import CannotError
+from ..models.base.errors import CannotError, PzctlError
 from ..models.build import Build
 from ..models.sweep import Sweep
 
@@ -19,6 +21,11 @@ class TaskError(FitError):
     """The request does not match the build or the fitter: an unknown name, or an impossible number."""
 
     exit_status = 2
+
+
+UNCOMPUTABLE = (PzctlError, ArithmeticError, np.linalg.LinAlgError)
+"""What a fit raises that cannot be computed: constants of no material, an overflow, singular equations. A search tries
+the next one."""
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.base.arrays import Reals
-from ...models.base.errors import PzctlError
 from ...models.circuits.lumped import Branch, Lumped
 from ...models.effects.base.scale import equivalent_plate
 from ...models.sweep import Sweep
@@ -23,7 +22,7 @@ from ..engine.objective import Objective
 from ..engine.parameters.coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from ..engine.recording import Recording, log_ratio
 from ..engine.start import resonance_pairs
-from ..interface import Constant, FitError, FitResult, FitTask, Noise, TaskError
+from ..interface import UNCOMPUTABLE, Constant, FitError, FitResult, FitTask, Noise, TaskError
 from ..uncertainty.fit_result import curves_of
 
 _UNITS = {"C0": "F", "C0.tan_delta": "1", "R": "ohm", "L": "H", "C": "F"}
@@ -105,7 +104,7 @@ def _with(sweep: Sweep, circuit: Lumped, one: Branch, sigma: Reals) -> tuple[flo
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # of a branch that runs away
             trial = _descend(sweep, replace(circuit, branches=(*circuit.branches, one)), sigma)
             price, branches = _price(trial, sigma), _circuit(trial).branches
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+    except UNCOMPUTABLE:
         return None
     low, high = float(sweep.frequency[0]), float(sweep.frequency[-1])
     shown = all(low < branch.fs < high and _QUALITIES[0] < branch.Q < _QUALITIES[1] for branch in branches)

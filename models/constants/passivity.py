@@ -104,7 +104,10 @@ def tensor_coordinates(tensor: Tensor6mm, least: float = 0.0) -> Reals:
 
     Raises PassivityError if it is not stable, or not passive while `least` is 0.
     """
-    at = convert(tensor.law, "stress_E")
+    try:
+        at = convert(tensor.law, "stress_E")
+    except np.linalg.LinAlgError:
+        raise PassivityError("these constants have no passive coordinates: their stiffness has no inverse") from None
     s, d, eps = at.elastic, at.piezo, at.dielectric
     root = math.sqrt(2)
     axial = [

@@ -8,7 +8,6 @@ import numpy as np
 from scipy.special import chdtri
 
 from ....models.base.arrays import Complexes, Reals
-from ....models.base.errors import PzctlError
 from ....models.effects.base.corrected_constants import Corrections
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
@@ -17,6 +16,7 @@ from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
+from ...interface import UNCOMPUTABLE
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, formula_errors, log_tails_of
@@ -224,7 +224,7 @@ def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
     """Return the hypothesis that is made; None if it cannot be computed, physics or covariance."""
     try:
         made = make()
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+    except UNCOMPUTABLE:
         return None
     return made if np.isfinite(made.log_weight) else None
 

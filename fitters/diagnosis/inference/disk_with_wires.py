@@ -8,7 +8,6 @@ from math import inf
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ....models.base.errors import PzctlError
 from ....models.effects import Added, EffectParameter, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
 from ....models.stack import CONSTANT, CausalConstantQ, Stack
@@ -22,7 +21,7 @@ from ...engine.on_cores import on_cores
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Block, positive
 from ...engine.recording import Posterior, log_ratio
-from ...interface import FitError, FitTask
+from ...interface import UNCOMPUTABLE, FitError, FitTask
 from ..decision_rules import ODDS
 from ..hypotheses.problem import Candidate
 
@@ -276,7 +275,10 @@ def _lawful(
         for one in effects
     )
     knobs = [(name, knob) for one in again for name, knob in zip(one.parameters, one.effect_parameters, strict=True)]
-    fitted = _fitted(other, again, {name: start.get(name, knob.expected[0]) for name, knob in knobs})
+    try:
+        fitted = _fitted(other, again, {name: start.get(name, knob.expected[0]) for name, knob in knobs})
+    except UNCOMPUTABLE:
+        return made, tuple(effects)
     return min((made, tuple(effects)), (fitted, again), key=lambda one: _chi2_alone(one[0]))
 
 
@@ -346,7 +348,7 @@ def _beside(best: FittedDisk, known: Sequence[Candidate], start: _Start) -> tupl
     """Return misfit and parameters of the effects when fitted with a further one."""
     try:
         made = _fitted(best, [*known, start.new], start.values)
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+    except UNCOMPUTABLE:
         return None
     return _chi2_alone(made), _sizes_of(made, [*known, start.new])
 

@@ -26,7 +26,7 @@ from ...disk.two_d.tensor_start import implausibility
 from ...engine.fitted_model import FittedModel, Seed
 from ...engine.objective import Objective
 from ...engine.recording import Recording
-from ...interface import Constant, Curve, FitError, FitResult, FitTask
+from ...interface import UNCOMPUTABLE, Constant, Curve, FitError, FitResult, FitTask
 from ..decision_rules import COARSENED_RIM, NAMED
 from ..findings import Finding, FitSummary, Size
 from ..hypotheses.instrument_artefacts import UNKNOWN
@@ -152,7 +152,7 @@ def tried(
     try:
         found = disk_with_wires(task, hopeless, progress, jobs, _rms(null))
         return DiskTried(found.alone, found.whole, found.beside, disk_result(found.whole, time.perf_counter() - began))
-    except FitError:
+    except UNCOMPUTABLE:  # a ceramic may have run to where its stiffness has no inverse
         return None
 
 

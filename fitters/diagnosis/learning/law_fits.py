@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ....models.base.errors import PzctlError
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.laws import Law
 from ....models.effects.learned.learned import LearnedLaw
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes
+from ...interface import UNCOMPUTABLE
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 from .drawn_corrections import PlacedCorrection
@@ -86,7 +86,7 @@ def best_fit(
             try:
                 once = usually_fitted(problem, effects, {**values, **start}, (own,), rounds=4)
                 made.append(usually_fitted(problem, effects, once.values, (once.fit.sizes,), rounds=1))
-            except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+            except UNCOMPUTABLE:
                 continue
     return max(made, key=lambda hypothesis: hypothesis.log_evidence, default=None)
 

@@ -3,12 +3,10 @@
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from ....models.base.errors import PzctlError
 from ....models.effects.learned.corrections import INSTRUMENT
 from ....models.effects.learned.learned import NAME
 from ...error_model.error_sizes import USUAL, ErrorSizes
+from ...interface import UNCOMPUTABLE
 from ..decision_rules import LEFT_AT_MOST, NAMED
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
@@ -72,7 +70,7 @@ class Learning:
             return conclusion
         try:
             return replace(conclusion, forecast=forecast_of(self.problem, conclusion.final))
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        except UNCOMPUTABLE:
             return conclusion
 
     def _beside_lines_of(self, one: Hypothesis) -> Problem:
@@ -141,7 +139,7 @@ class Learning:
         effects, values = (*parent.effects, law.candidate), {**parent.values, **known.values}
         try:
             made = usually_fitted(self.problem, effects, values, (known.fit.sizes, parent.fit.sizes))
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        except UNCOMPUTABLE:
             return []
         return [Explanation(made, replace(law, hypothesis=made), parent)]
 
@@ -183,7 +181,7 @@ class Learning:
             problem = with_weak_lines(self.problem, best)
             best = _beside(problem, best, barred=("tau",))
             made = fitted(problem, best.effects, best.values, (best.fit.sizes,), near=True)
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        except UNCOMPUTABLE:
             return best
         return max(best, made, key=lambda one: one.log_evidence) if has_usual_fixture(made) else best
 

@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 
-from ....models.base.errors import PzctlError
 from ....models.effects import Device
 from ....models.effects.learned.corrections import INSTRUMENT, Place, places
 from ....models.effects.learned.learned import LearnedLaw
@@ -16,6 +15,7 @@ from ...engine.on_cores import on_cores
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER, Minimum
+from ...interface import UNCOMPUTABLE
 from ..hypotheses.candidates import step_groups
 from ..hypotheses.condensed_recordings import condensed
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, fitted, marginal_of
@@ -51,7 +51,7 @@ def placed_corrections(
         if not thorough:
             problem, parent = _condensed(problem, parent)
         alone = usually_fitted(problem, parent.effects, parent.values, (parent.fit.sizes,), barred=_barred(thorough))
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+    except UNCOMPUTABLE:
         return ()
     everywhere = all_places(problem)
     progress(f"trying a correction of each of {len(everywhere)} places")
@@ -185,7 +185,7 @@ def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[s
         one = candidate(SmoothCorrection(place, size, (low, high), number), steps, stack)
         try:
             trials.append(_linear(problem, parent, one))
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        except UNCOMPUTABLE:
             continue
     return max(trials, key=lambda trial: trial.log_evidence, default=None)
 
@@ -219,7 +219,7 @@ def _end(problem: Problem, plan: _Plan) -> tuple[float, Minimum] | None:
         made = usually_fitted(
             problem, plan.effects, plan.values, (plan.sizes,), near=plan.near, rounds=4, barred=plan.barred
         )
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+    except UNCOMPUTABLE:
         return None
     return made.log_evidence, made.fit.minimum
 

@@ -2,12 +2,10 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
-from ....models.base.errors import PzctlError
 from ....models.effects import EffectParameter
 from ....models.effects.learned.laws import laws
 from ...error_model.error_sizes import ErrorSizes
+from ...interface import UNCOMPUTABLE
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Problem
 from .drawn_corrections import drawn_law
@@ -37,7 +35,7 @@ def plainly_better_laws(
         values = {**residual.values, **dict(zip(one.parameters, map(_middle, one.effect_parameters), strict=True))}
         try:
             made = fitted(problem, (*parent.effects, one), values, (ErrorSizes(),), rounds=0, compared=False)
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        except UNCOMPUTABLE:
             continue
         found.append((left_by(made), (effect, one, made)))
     best = sorted(found, key=lambda one: one[0])[:_ROUGHLY]
@@ -57,5 +55,5 @@ def _from_plain(problem: Problem, parent: Hypothesis, found: Made) -> tuple[Lear
         return ()
     try:
         return weighed(drawn_law(effect, one, best), [(effect, one, best)])
-    except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+    except UNCOMPUTABLE:
         return ()

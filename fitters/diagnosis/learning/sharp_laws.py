@@ -2,10 +2,8 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
-from ....models.base.errors import PzctlError
 from ....models.effects.learned.several import MOST, numbered, resonant, several
+from ...interface import UNCOMPUTABLE
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Problem
 from .delays import echo_starts
@@ -25,7 +23,7 @@ def sharp_laws(
             continue
         try:
             found += _sharp(problem, parent, sharp, progress)
-        except (PzctlError, ArithmeticError, np.linalg.LinAlgError):
+        except UNCOMPUTABLE:
             continue
     return tuple(found)
 

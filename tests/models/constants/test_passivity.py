@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from complex_ceramic import TENSOR
@@ -98,6 +100,11 @@ def test_real_constants_round_trip():
 def test_constants_that_make_energy_have_no_coordinates():
     with pytest.raises(PassivityError, match="one of them is not"):
         radial_coordinates(Radial(17e-12 + 1e-13j, -6e-12, -2e-10, 2.7e-8 - 1e-10j))
+
+
+def test_a_stiffness_without_an_inverse_has_no_coordinates():
+    with pytest.raises(PassivityError, match="no inverse"):
+        tensor_coordinates(replace(TENSOR, c44E=0j))
 
 
 def test_a_loss_that_a_fit_has_driven_to_nothing_gets_the_least_one():
