@@ -32,8 +32,6 @@ GRIDS: Mapping[str, tuple[float, ...]] = {
 _ROUNDS = 3
 _RIDGES = (1e-12, 1e-10, 1e-8, 1e-6)
 """Added to the diagonal of a normalised matrix that has no Cholesky factor because of rounding."""
-_COLOURED = 0.65
-"""Colour in place of a rough error; its neighbours on the grid are tried from there."""
 _DEAR = ("rho", "bend", "colour")
 """Parts without columns, which need new products of all columns."""
 
@@ -325,15 +323,15 @@ def rough_guess(made: Gram) -> ErrorSizes:
     return ErrorSizes(rho=min(scales.RHOS, key=lambda one: abs(one - size)))
 
 
-def exchanged(sizes: ErrorSizes) -> ErrorSizes:
-    """Return the same with coloured noise in place of rough errors, or rough errors in place of colour.
+def exchanged(sizes: ErrorSizes) -> tuple[ErrorSizes, ...]:
+    """Return the same with noise of each colour in place of rough errors, or rough errors in place of colour.
 
     Both describe deviations that neighbouring points have in common, so that beside one of them the other gains
     nothing: no change of one size at a time leads from the worse of the two to the better one.
     """
     if sizes.rho or sizes.bend:
-        return replace(sizes, rho=0.0, bend=0.0, colour=_COLOURED)
-    return replace(sizes, rho=scales.RHOS[1], colour=0.0) if sizes.colour else sizes
+        return tuple(replace(sizes, rho=0.0, bend=0.0, colour=one) for one in scales.COLOURS[1:])
+    return (replace(sizes, rho=scales.RHOS[1], colour=0.0),) if sizes.colour else ()
 
 
 def chosen(

@@ -265,7 +265,7 @@ def fit(
     converged, held, before, idle, steps = False, False, np.inf, 0, 0
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not (fixed or held):
-            again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0), exchanged(sizes)) if k > 0 else ()
+            again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0), *exchanged(sizes)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
