@@ -7,9 +7,9 @@ from itertools import product
 
 import numpy as np
 
-from ....models.base.arrays import Complexes, Reals
+from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals
 from ....models.base.model import Model
-from ....models.effects import Device, EffectParameter
+from ....models.effects import Device, EffectParameter, Stage
 from ...engine.on_cores import on_cores
 from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns, WeakLine
@@ -142,20 +142,30 @@ def _changes(
     problem: Problem, parent: Hypothesis, one: Candidate, lines: Sequence[WeakLine]
 ) -> list[tuple[dict[str, float], list[Complexes]]]:
     """Return the trial parameters and the change of ln Z that they cause in every recording."""
-    curves = parent.objective.curves(parent.fit.x)
     with_one = problem.with_effects([*parent.effects, one])
     models: list[Model] = []
     for recording in with_one:
         model = recording.model
         renamed = {recording.renamed.get(name, name): name for name in model.parameters()}
         models.append(model.replace({own: parent.values[n] for n, own in renamed.items() if n in parent.values}))
+    # effects of the sweep are small: what another effect changes is seen without them, too
+    steady = one.effect.stage is not Stage.ACQUISITION
+
+    def seen(model: Device, frequency: Frequencies) -> Impedances:
+        return model.steady_impedance(frequency) if steady else model.impedance(frequency)
+
+    at = {
+        k: seen(model, recording.sweep.frequency)
+        for k, (recording, model) in enumerate(zip(with_one, models, strict=True))
+        if recording.step in one.steps and isinstance(model, Device)
+    }
 
     def change(values: Mapping[str, float]) -> list[Complexes]:
         return [
-            log_ratio(model.replace(values).impedance(recording.sweep.frequency), Z)
-            if recording.step in one.steps and isinstance(model, Device)
-            else np.zeros(Z.size, np.complex128)
-            for recording, model, Z in zip(with_one, models, curves, strict=True)
+            log_ratio(seen(model.replace(values), recording.sweep.frequency), at[k])
+            if k in at and isinstance(model, Device)
+            else np.zeros(recording.sweep.frequency.size, np.complex128)
+            for k, (recording, model) in enumerate(zip(with_one, models, strict=True))
         ]
 
     delays = _delays(parent, one, change)
