@@ -15,6 +15,7 @@ class FaceLoad(Effect):
     """A resistance and a spring added to the load of a face; within one band the resistance resembles loss."""
 
     name = "face-load"
+    errs_roughly = False
     sizes = 2
     says = "Something that the build omits loads {where}: a liquid, the fixture, rubber."
     separates = "sweep with three clamp forces, or with point contacts; turn the transducer over; dry the face"

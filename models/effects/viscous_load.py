@@ -16,6 +16,7 @@ class ViscousLoad(Effect):
     """(1 + j) sqrt(w rho eta / 2) added to the load of a face: as much reactance as resistance."""
 
     name = "viscous-load"
+    errs_roughly = False
     odds = 0.3  # a face that moves along its normal drags little along: what loads it is mostly a `face-load`
     says = "A viscous liquid or paste that the build omits is dragged along by {where}."
     separates = "clean and dry the face; a liquid of another viscosity changes it by the square root of the ratio"

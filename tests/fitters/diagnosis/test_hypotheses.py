@@ -65,6 +65,7 @@ def test_an_effect_is_tried_at_all_its_places(lead_case) -> None:
     [
         ("cable", False),
         ("electrode-mass", False),
+        ("face-load", False),
         ("dielectric-dispersion", False),
         ("thickness-variation", True),
         ("local-mass", True),
