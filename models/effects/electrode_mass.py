@@ -14,7 +14,7 @@ class ElectrodeMass(Effect):
 
     name = "electrode-mass"
     stays = True
-    errs_roughly = False  # constants absorb most of what it does; with an error of that they would explain anything
+    errs_roughly = False
     says = "There is a mass at {where} that the build omits: an electrode, wax or ink."
     separates = (
         "weigh the disk and measure its thickness, or sweep the third and fifth overtone; one band is not enough"

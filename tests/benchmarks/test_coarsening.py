@@ -25,7 +25,7 @@ from pzctl.daemon.samples.sample_selection import folder_sample
 from pzctl.fitters.diagnosis.data_quality.data_gates import gate
 from pzctl.fitters.diagnosis.decision_rules import APPROXIMATE, COARSENED, NAMED, UNFORESEEN
 from pzctl.fitters.diagnosis.hypotheses import hypothesis
-from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
+from pzctl.fitters.diagnosis.hypotheses.candidates import candidates, flaws
 from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.interface import FitError, FitTask
@@ -55,10 +55,13 @@ def constants(nats: float, share: float) -> Iterator[None]:
 
 
 def looked_for(task: FitTask) -> list[list[list[Any]]]:
-    """Return effect, place and probability of all effects of a complete search, for each pair of the grid."""
+    """Return effect, place and probability of all effects of a complete search, for each pair of the grid.
+
+    A disk of finite diameter is looked at as a plate.
+    """
     task = replace(task, sweeps=gate(task.sweeps).sweeps)
     problem = Problem.posed(task, lambda _: None, None, "bands")
-    search = GreedySearch(problem, candidates(problem))
+    search = GreedySearch(problem, (*candidates(problem), *flaws(problem)))
     search.begin()
     search.run()
     told: list[list[list[Any]]] = []

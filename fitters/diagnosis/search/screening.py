@@ -154,18 +154,20 @@ def _changes(
     def seen(model: Device, frequency: Frequencies) -> Impedances:
         return model.steady_impedance(frequency) if steady else model.impedance(frequency)
 
-    at = {
-        k: seen(model, recording.sweep.frequency)
+    sweeps = [recording.sweep.frequency for recording in with_one]
+    devices = {
+        k: model
         for k, (recording, model) in enumerate(zip(with_one, models, strict=True))
         if recording.step in one.steps and isinstance(model, Device)
     }
+    before = {k: seen(device, sweeps[k]) for k, device in devices.items()}
 
     def change(values: Mapping[str, float]) -> list[Complexes]:
         return [
-            log_ratio(seen(model.replace(values), recording.sweep.frequency), at[k])
-            if k in at and isinstance(model, Device)
-            else np.zeros(recording.sweep.frequency.size, np.complex128)
-            for k, (recording, model) in enumerate(zip(with_one, models, strict=True))
+            log_ratio(seen(devices[k].replace(values), f), before[k])
+            if k in devices
+            else np.zeros(f.size, np.complex128)
+            for k, f in enumerate(sweeps)
         ]
 
     delays = _delays(parent, one, change)

@@ -109,7 +109,8 @@ class Effect(ABC):
 
     errs_roughly: ClassVar[bool] = True
     """Whether it may also deviate from one line's width of frequency to the next, as what is distributed over the face
-    or in the thickness does near resonances. Circuits at the terminals and laws of a material are smooth."""
+    or in the thickness does near resonances. Circuits at the terminals, laws of a material and loads of a whole face
+    are smooth: constants absorb most of what these do, and a rough error of all that would explain anything."""
 
     from_later_step: ClassVar[bool] = False
     """Whether it is a change since the first step, which therefore does not have it."""
