@@ -1,7 +1,7 @@
 """The error model as columns of d ln Z with unit normal prior: instrument, fixture, model constants, effects."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -97,6 +97,8 @@ class ErrorColumns:
     """Correction of a constant that a column is the effect of, for each column."""
     absorbed: tuple[Complexes, ...] = ()
     """What corrections that the model contains change in ln Z to first order, for each recording, shape (N,)."""
+    means: "Mapping[str, Reals]" = field(default_factory=dict[str, Reals])
+    """Mean of the smooth functions over each constant's sensitivity, which belongs to the constant, shape (K,)."""
 
     def beyond(self, r: Sequence[Complexes]) -> list[Complexes]:
         """Return residuals of the corrected model as those of the uncorrected one, to first order."""
@@ -133,6 +135,12 @@ class LinearisedRecording:
     """Those of effects whose formulas have rough errors, too."""
     formula: Mapping[str, Complexes]
     """d ln Z per standard error that the model's formula has in these constants, shape (N,); of an exact one none."""
+    in_series: Impedances | float = 0.0
+    """What the path that the model contains has in series, shape (N,)."""
+
+    def path_slope(self, name: str) -> Complexes:
+        """Return d ln Z per ohm in series, or per siemens across the device, shape (N,)."""
+        return _complex(1 / self.Z if name == SERIES else -((self.Z - self.in_series) ** 2) / self.Z)
 
 
 def stack_of(model: Model) -> Stack:
@@ -143,7 +151,12 @@ def stack_of(model: Model) -> Stack:
     return stack
 
 
-def place_of(recording: Recording, shapes: Mapping[str, Complexes], rough: Sequence[Complexes]) -> LinearisedRecording:
+def place_of(
+    recording: Recording,
+    shapes: Mapping[str, Complexes],
+    rough: Sequence[Complexes],
+    in_series: Impedances | float = 0.0,
+) -> LinearisedRecording:
     """Return a recording with the derivatives of its model, which has the values of the fit."""
     model, f = recording.model, recording.sweep.frequency
     bare = model.bare if isinstance(model, Device) else model
@@ -153,7 +166,7 @@ def place_of(recording: Recording, shapes: Mapping[str, Complexes], rough: Seque
     errors: Mapping[str, Reals] = bare.formula_errors(f) if isinstance(bare, Approximate) else {}
     formula = {name: felt[name] * error for name, error in errors.items() if name in felt}
     losses = {name: loss for name, _, _, loss in names}
-    return LinearisedRecording(recording, Z, felt, losses, shapes, rough, formula)
+    return LinearisedRecording(recording, Z, felt, losses, shapes, rough, formula, in_series)
 
 
 _Names = list[tuple[str, str, complex, float]]
@@ -191,8 +204,12 @@ def columns_of(
     lines: Sequence[WeakLine] = (),
     *,
     fast: bool = True,
+    means: Mapping[str, Reals] | None = None,
 ) -> ErrorColumns:
-    """Return all columns over all recordings of a session, which has one instrument and one fixture."""
+    """Return all columns over all recordings of a session, which has one instrument and one fixture.
+
+    `means`: those of the smooth functions where a fit began, so that a coefficient means the same in all of it.
+    """
     edges = [np.log(place.recording.sweep.frequency[[0, -1]]) for place in places]
     ends = float(min(e[0] for e in edges)), float(max(e[1] for e in edges))
     parts: list[Part] = []
@@ -217,7 +234,7 @@ def columns_of(
 
     _instrument(add, places, grid, fast=fast)
     _fixture(add, places)
-    _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
+    centres = _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH), means or {})
     _uneven(add, places)
     _formula(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
     _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE))
@@ -228,7 +245,7 @@ def columns_of(
     _lines(add, places, lines)
     blocks = tuple(np.stack(own, axis=1) for own in made)
     points = tuple(_points(place) for place in places)
-    return ErrorColumns(tuple(parts), np.array(of_losses), blocks, points, tuple(corrections))
+    return ErrorColumns(tuple(parts), np.array(of_losses), blocks, points, tuple(corrections), means=centres)
 
 
 class _Add(Protocol):
@@ -283,11 +300,17 @@ def _fixture(add: _Add, places: Sequence[LinearisedRecording]) -> None:
 
 def _path_slopes(name: str, places: Sequence[LinearisedRecording]) -> list[Complexes]:
     """Return d ln Z per ohm in series, or per siemens across the device, in each recording, shape (N,)."""
-    return [1 / p.Z if name == SERIES else -p.Z for p in places]
+    return [p.path_slope(name) for p in places]
 
 
-def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:
-    """Add smooth errors of every constant, of a series impedance and of a shunt; and separate ones of the losses."""
+def _constants(
+    add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals], known: Mapping[str, Reals]
+) -> dict[str, Reals]:
+    """Add smooth errors of every constant, of a series impedance and of a shunt; and separate ones of the losses.
+
+    Return the means of the functions, those that are `known` as they are.
+    """
+    means: dict[str, Reals] = {}
     names = list(dict.fromkeys(name for place in places for name in place.felt))
     stack = stack_of(places[-1].recording.model)
     z0, f0 = reactance(stack), resonance(stack)
@@ -298,7 +321,8 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
     for name in (SERIES, SHUNT):
         slopes[name] = _path_slopes(name, places)
     for name, own in slopes.items():
-        centred = _centred(functions, own)
+        means[name] = known[name] if name in known else _mean(functions, own)
+        centred = [b - means[name] for b in functions]
         loss = next((p.losses[name] for p in places if name in p.losses), 0.0)
         kind = name.rpartition(".")[2]
         own_loss = (
@@ -315,6 +339,7 @@ def _constants(add: _Add, places: Sequence[LinearisedRecording], functions: Sequ
         if kind in ("eps33S", "eps33T"):
             falls = tuple(_complex(scales.FALL * np.log(p.recording.sweep.frequency / f0)) for p in places)
             _correction(add, "losses", 0.0, places, own, ColumnCorrection(name, falls))
+    return means
 
 
 def _uneven(add: _Add, places: Sequence[LinearisedRecording]) -> None:
@@ -355,13 +380,13 @@ def _loss_of(places: Sequence[LinearisedRecording], name: str) -> float:
     return next((p.losses[f"{layer}.c33D"] for p in places if f"{layer}.c33D" in p.losses), 0.0)
 
 
-def _centred(functions: Sequence[Reals], weights: Sequence[Complexes]) -> list[Reals]:
-    """Return the functions without their mean, weighted by sensitivity: the mean belongs to the constant itself."""
+def _mean(functions: Sequence[Reals], weights: Sequence[Complexes]) -> Reals:
+    """Return the mean of each function, weighted by sensitivity, shape (K,)."""
     total = sum(float(np.sum(np.abs(w) ** 2)) for w in weights)
+    mean = np.zeros(functions[0].shape[1])
     if total <= 0:
-        return list(functions)
-    mean = sum(((np.abs(w) ** 2) @ b for b, w in zip(functions, weights, strict=True)), np.zeros(functions[0].shape[1]))
-    return [b - mean / total for b in functions]
+        return mean
+    return sum(((np.abs(w) ** 2) @ b for b, w in zip(functions, weights, strict=True)), mean) / total
 
 
 def _shapes(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:

@@ -131,21 +131,6 @@ class Value:
     """Newton step to the minimum, shape (M,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Expansion:
-    """Marginal likelihood at one point, with what tells how the derivatives change from there."""
-
-    value: Value
-    J: Sequence[Complexes]
-    """Derivatives of the residuals of each recording, shape (N, M)."""
-    r: Sequence[Complexes]
-    """The residuals of the uncorrected model, to first order, shape (N,)."""
-    seen: WhitenedColumns
-    """Both, whitened."""
-    B: Reals
-    """Products of these with the columns of errors, whitened."""
-
-
 @dataclass(eq=False)
 class Gram:
     """Inner products of columns, derivatives and residual by colour and roughness, and marginal likelihoods; cached."""
@@ -205,8 +190,6 @@ class Gram:
 
 def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
     """Return the Cholesky factor of 1 + d G d, and ln of its determinant. Raises LinAlgError."""
-    if not d.size:
-        return np.zeros((0, 0)), 0.0
     S = np.eye(d.size) + d[:, None] * G * d
     if not np.all(np.diag(S) > 0):
         raise np.linalg.LinAlgError("no covariance")
@@ -258,7 +241,7 @@ def valued(X: Reals, B: Reals, log_K: float, before: Beforehand, sizes: ErrorSiz
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Columns of fixed sizes, for varying derivatives and residuals."""
+    """Columns of fixed sizes, beside which derivatives and residuals may be those of other points."""
 
     sizes: ErrorSizes
     kernel: Kernel
@@ -267,6 +250,7 @@ class Held:
     """Indices of the columns that are present."""
     d: Reals
     L: Reals
+    """Cholesky factor of the information of the coefficients, in standard deviations."""
     log_S: float
     columns: ErrorColumns
 
@@ -280,36 +264,21 @@ class Held:
         L, log_S = factored(white.squared(), d)
         return cls(sizes, kernel, white, on, d, L, log_S, columns)
 
-    def here(self, r: Sequence[Complexes], known: float) -> float:
-        """Return `Value.here` at another point from its residuals; `known`: sum of squares of the priors' residuals."""
-        seen = self.kernel.white([own[:, None] for own in self.columns.beyond(r)])
-        b = self._beside(seen)
-        return float(seen.squared()[0, 0]) + known + self.log_S + self.kernel.log_det - float(np.sum(b**2))
+    def present(self, a: Reals) -> Reals:
+        """Return coefficients of all columns, shape (C,), without those of columns that are not present."""
+        made = np.zeros(len(self.columns.parts))
+        made[self.on] = a[self.on]
+        return made
 
-    def expanded(self, J: Sequence[Complexes], r: Sequence[Complexes], before: Beforehand) -> Expansion:
-        """Return the marginal likelihood at another point."""
-        beyond = self.columns.beyond(r)
-        seen = self.kernel.white([np.concatenate([j, own[:, None]], axis=1) for j, own in zip(J, beyond, strict=True)])
-        B = self._beside(seen)
-        value = valued(seen.squared(), B, self.log_S + self.kernel.log_det, before, self.sizes)
-        return Expansion(value, J, beyond, seen, B)
-
-    def coefficients(self, at: Expansion, step: Reals) -> Reals:
-        """Return the most probable coefficient of each column after a step, to first order, shape (C,)."""
-        return coefficients_of(len(self.columns.parts), self.on, self.d, self.L, at.B @ np.append(step, 1.0))
+    def products(self, seen: WhitenedColumns) -> Reals:
+        """Return products of the columns, in standard deviations, with others."""
+        return self.d[:, None] * self.white.times(seen)
 
     def most_probable(self, r: Sequence[Complexes]) -> Reals:
         """Return the most probable coefficient of each column, shape (C,), for residuals of the uncorrected model."""
-        beside = self._beside(self.kernel.white([own[:, None] for own in r]))[:, 0]
+        seen = self.kernel.white([own[:, None] for own in r])
+        beside = whitened_by(self.L, self.products(seen))[:, 0]
         return coefficients_of(len(self.columns.parts), self.on, self.d, self.L, beside)
-
-    def gradient(self, at: Expansion, change: Sequence[Complexes]) -> Reals:
-        """Return J^T C^-1 y for a change y of the residuals at a point, shape (M,); C has all errors."""
-        seen = self.kernel.white([own[:, None] for own in change])
-        return np.asarray(at.seen.times(seen)[:-1, 0] - at.B[:, :-1].T @ self._beside(seen)[:, 0], np.float64)
-
-    def _beside(self, seen: WhitenedColumns) -> Reals:
-        return whitened_by(self.L, self.d[:, None] * self.white.times(seen))
 
 
 def rough_guess(made: Gram) -> ErrorSizes:
@@ -324,14 +293,20 @@ def rough_guess(made: Gram) -> ErrorSizes:
 
 
 def exchanged(sizes: ErrorSizes) -> tuple[ErrorSizes, ...]:
-    """Return the same with noise of each colour in place of rough errors, or rough errors in place of colour.
+    """Return the same with errors in place of others that describe much the same.
 
-    Both describe deviations that neighbouring points have in common, so that beside one of them the other gains
-    nothing: no change of one size at a time leads from the worse of the two to the better one.
+    Noise of each colour and rough errors: deviations that neighbouring points have in common. Errors of values that
+    are held and smooth errors of all constants. Beside one of them the other gains nothing: no change of one size at a
+    time leads from the worse of the two to the better one.
     """
+    made: list[ErrorSizes] = []
     if sizes.rho or sizes.bend:
-        return tuple(replace(sizes, rho=0.0, bend=0.0, colour=one) for one in scales.COLOURS[1:])
-    return (replace(sizes, rho=scales.RHOS[1], colour=0.0),) if sizes.colour else ()
+        made += [replace(sizes, rho=0.0, bend=0.0, colour=one) for one in scales.COLOURS[1:]]
+    elif sizes.colour:
+        made.append(replace(sizes, rho=scales.RHOS[1], colour=0.0))
+    if sizes.tau:
+        made.append(replace(sizes, held=scales.THERE[-1], tau=0.0))
+    return tuple(made)
 
 
 def chosen(

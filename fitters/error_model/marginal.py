@@ -1,27 +1,25 @@
 """The marginal likelihood: errors of instrument and model, linear about known corrections, are integrated out."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...models.base.arrays import Complexes, Reals
+from ...models.base.arrays import Complexes, Impedances, Reals
 from ...models.base.model import Model
 from ...models.effects import Device
-from ...models.effects.base.corrected_constants import CORRECTED, EVERYWHERE, CorrectedConstants, Corrections
-from ...models.effects.base.corrected_path import SERIES, SHUNT, CorrectedPath, PathCorrection
+from ...models.effects.base.corrected_constants import EVERYWHERE, CorrectedConstants, Corrections
+from ...models.effects.base.corrected_path import SERIES, SHUNT, CorrectedPath
 from ...models.effects.base.effect import TERMINALS
-from ...models.effects.polarity import Polarity
-from ...models.stack import Piezo, Stack
 from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
 from ..engine.recording import Recording
-from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
-from .error_sizes import Beforehand, Expansion, Gram, Held
+from .contained_errors import altered
+from .error_columns import ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
+from .error_sizes import Beforehand, Gram
 
 _UNINFORMED = 1 / 9
 """Prior precision of a coordinate about which nothing is known: a logarithm is known within a factor of twenty.
@@ -30,9 +28,7 @@ Around wherever the fit is, so that no value is preferred. Without it a thicknes
 away, and its boundless posterior volume would count as evidence."""
 _LOOSE = ("z", "c", "q", "thickness", "density")
 """Held constants that may be off because a build gives them as bare numbers, mostly of glue; others are exact."""
-_PATH = frozenset({SERIES, SHUNT})
-_FURTHEST = 1.5
-"""Largest correction of the logarithm of a held value; a trial step that asks for more is a bad one."""
+_PATH = SERIES, SHUNT
 
 
 @dataclass(frozen=True)
@@ -77,6 +73,8 @@ class Marginal:
     lines: tuple[WeakLine, ...] = ()
     corrections: Corrections | None = None
     """Corrections of constants about which the errors are linear; none: about exact constants."""
+    means: Mapping[str, Reals] | None = None
+    """Means of the smooth functions of errors (`ErrorColumns.means`); None: those of the point that is looked at."""
 
     @classmethod
     def of(
@@ -113,7 +111,7 @@ class Marginal:
 
     def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
         """Return the columns of errors at a point."""
-        J = self._unweighted(self._corrected.jacobian(x).T)
+        J = self.slopes(x)
         free = self.objective.coordinates.free
         places: list[LinearisedRecording] = []
         for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
@@ -125,9 +123,9 @@ class Marginal:
                 for name, error in self.shapes.items()
             }
             rough = [shapes[name] for name, error in self.shapes.items() if error.rough]
-            places.append(place_of(replace(recording, model=model), shapes, rough))
+            places.append(place_of(replace(recording, model=model), shapes, rough, self._in_series(recording)))
         held = self._held(x)
-        made = columns_of(places, held, self.lines, fast=fast)
+        made = columns_of(places, held, self.lines, fast=fast, means=self.means)
         if self.corrections is None:
             return made
         absorbed = [self._absorbed(place) for place in places]
@@ -135,6 +133,11 @@ class Marginal:
             moved = self.corrections.held.get(one.name, 0.0) / one.relative
             absorbed = [total + moved * own for total, own in zip(absorbed, one.columns, strict=True)]
         return replace(made, absorbed=tuple(absorbed))
+
+    def _in_series(self, recording: Recording) -> Impedances | float:
+        """Return what the path that the model contains has in series in a recording, shape (N,)."""
+        path = None if self.corrections is None else self.corrections.paths.get(recording.step)
+        return 0.0 if path is None or altered(recording.model) else path.over(SERIES, recording.sweep.frequency)
 
     def _absorbed(self, place: LinearisedRecording) -> Complexes:
         """Return what the corrections change in ln Z of a recording to first order, shape (N,)."""
@@ -145,44 +148,16 @@ class Marginal:
             if name in place.felt:
                 total += place.felt[name] * known.over(name, f)
         if (path := known.paths.get(place.recording.step)) is not None:
-            total += path.over(SERIES, f) / place.Z - path.over(SHUNT, f) * place.Z
+            total += sum(path.over(name, f) * place.path_slope(name) for name in _PATH)
         return total
 
-    def corrections_at(self, columns: ErrorColumns, coefficients: Reals) -> Corrections | None:
-        """Return corrections of constants and paths from the coefficients of columns, shape (C,); None for none."""
-        recordings = self.objective.recordings
-        log_f, relative = _sampled(recordings, columns, coefficients, self.of_ceramics)
-        paths: dict[str, PathCorrection] = {}
-        for step in dict.fromkeys(one.step for one in recordings):
-            own = [k for k, one in enumerate(recordings) if one.step == step and not _altered(one.model)]
-            if own:
-                paths[step] = PathCorrection(*_sampled(recordings, columns, coefficients, _PATH, own))
-        paths = {step: path for step, path in paths.items() if path.values}
-        held = {
-            own.name.removeprefix(HELD): float(np.clip(size * own.relative[0][0].real, -_FURTHEST, _FURTHEST))
-            for own, size in zip(columns.corrections, coefficients.tolist(), strict=True)
-            if own is not None and size and own.name.startswith(HELD)
-        }
-        return Corrections(log_f, relative, paths, held) if relative or paths or held else None
+    def centred(self, means: Mapping[str, Reals]) -> "Marginal":
+        """Return the same with smooth functions of errors less these means, wherever it is looked at."""
+        return replace(self, means=means)
 
-    def corrected(self, columns: ErrorColumns) -> NDArray[np.bool_]:
-        """Return whether each column stands for a correction of what can be corrected, shape (C,)."""
-        there = self.of_ceramics | _PATH
-        return np.array(
-            [own is not None and (own.name in there or own.name.startswith(HELD)) for own in columns.corrections],
-            dtype=bool,
-        )
-
-    @cached_property
-    def of_ceramics(self) -> frozenset[str]:
-        """Names of the constants that can be corrected."""
-        names: set[str] = set()
-        for one in self.objective.recordings:
-            bare = one.model.bare if isinstance(one.model, Device) else one.model
-            if isinstance(bare, Stack):
-                layers = [layer.name for layer in bare.layers if isinstance(layer, Piezo)]
-                names |= {f"{name}.{constant}" for name in layers for constant in CORRECTED}
-        return frozenset(names)
+    def slopes(self, x: Reals) -> list[Complexes]:
+        """Return the derivatives of the residuals of each recording, shape (N, M)."""
+        return self._unweighted(self._corrected.jacobian(x).T)
 
     def _held(self, x: Reals) -> list[HeldValue]:
         """Return the held values that may be off."""
@@ -200,12 +175,7 @@ class Marginal:
 
     def gram(self, x: Reals, columns: ErrorColumns) -> Gram:
         """Return all inputs of the marginal likelihood at `x`."""
-        J = self._unweighted(self._corrected.jacobian(x).T)
-        return Gram(columns, J, columns.beyond(self.residuals(x)), self.beforehand(x))
-
-    def expanded(self, x: Reals, held: Held) -> Expansion:
-        """Return the marginal likelihood at a point, with the columns of errors fixed."""
-        return held.expanded(self._unweighted(self._corrected.jacobian(x).T), self.residuals(x), self.beforehand(x))
+        return Gram(columns, self.slopes(x), columns.beyond(self.residuals(x)), self.beforehand(x))
 
     def models(self, x: Reals) -> Sequence[Model]:
         """Return the corrected model of each recording."""
@@ -253,29 +223,7 @@ def _with_corrections(device: Device, step: str, corrections: Corrections) -> De
     if corrections.relative:
         device = device.with_effect(CorrectedConstants(corrections), EVERYWHERE)
     path = corrections.paths.get(step)
-    return device if path is None or _altered(device) else device.with_effect(CorrectedPath(path), TERMINALS)
-
-
-def _altered(model: Model) -> bool:
-    """Return whether a recording is inverted or conjugated: nothing can be added to its path as to that of a device."""
-    return isinstance(model, Device) and any(isinstance(one.effect, Polarity) for one in model.added)
-
-
-def _sampled(
-    recordings: Sequence[Recording],
-    columns: ErrorColumns,
-    coefficients: Reals,
-    names: Collection[str],
-    which: Sequence[int] | None = None,
-) -> tuple[Reals, dict[str, Complexes]]:
-    """Return ln f of these recordings, shape (K,), and the sum of their columns' corrections by name, shape (K,)."""
-    which = range(len(recordings)) if which is None else which
-    points, first = np.unique(np.concatenate([np.log(recordings[k].sweep.frequency) for k in which]), return_index=True)
-    found: dict[str, Complexes] = {}
-    for own, size in zip(columns.corrections, coefficients.tolist(), strict=True):
-        if own is not None and size and own.name in names:
-            found[own.name] = found.get(own.name, 0) + size * np.concatenate([own.relative[k] for k in which])[first]
-    return points, found
+    return device if path is None or altered(device) else device.with_effect(CorrectedPath(path), TERMINALS)
 
 
 def _shapes_of(objective: Objective, searched: Shapes) -> Shapes:

@@ -1,6 +1,6 @@
 """Fits by marginal likelihood: errors of instrument and model are integrated out, and their sizes estimated."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -11,43 +11,21 @@ from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects.base.corrected_constants import Corrections
 from .error_columns import ErrorColumns, Part
-from .error_sizes import USUAL, ErrorSizes, Expansion, Gram, Held, Value, chosen, exchanged, rough_guess
+from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged, rough_guess
+from .joint_descent import CLOSE, NEAR, STEPS, JointPoint, descend
 from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
 
 ORDER = ("held", "tau", "slow", "fixture", "losses", "uneven", "shape", "fast", "bend", "rho", "colour")
-_STEPS = 15
 _ONE_IN_TWENTY = 1.645
 """Standard deviations that a normal number exceeds in one case of twenty."""
-_CLOSE, _NEAR = 0.1, 0.3
-"""Decrease of minus twice ln density below which a fit has converged, and below which one has that is continued if it
-is worth while; no decision depends on a twentieth of a nat."""
-_LINEAR = 0.1
-"""Part of chi2 that corrections of constants may leave beyond first order."""
 _SETTLED, _FURTHER = 3.0, 4
 """Change of ln evidence in a round below which a fit has converged, a tenth of the smallest that decides beside errors
 of instrument or model; number of further rounds until then, at most."""
 _IDLE = 3
 """Rounds in succession in which the evidence has not grown, after which a fit ends: columns and sizes go to and fro."""
-_RELAXATION = 0.5
-"""Part of the way to the minimum with columns of where it began: the minimum with those of where it ends may lie on the
-other side, and so on for ever."""
-_DAMPED, _RELAXED = 4.0, 1 / 3
-"""Factors of damping after a step that fails for the first time, and at least after one that brings what it should."""
-_LEAST, _UNDAMPED, _REGULAR = 3e-3, 1e-4, 1e-9
-"""Damping, in units of the information, from which a step differs, below which there is none, and by which information
-that is singular by rounding has an inverse."""
-_SHORT = 3
-"""Number of short steps in succession after which a descent ends in a curved valley."""
 _WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
-_ALONG, _BENT = 0.1, 0.375
-"""Part of a step over which its second derivative is taken, and the largest part of a step by which it is bent
-(Transtrum and Sethna, arXiv:1201.5885)."""
-_FURTHEST = 1.5
-"""Longest step in any coordinate (a logarithm, or prior standard deviations) for which the model is nearly linear."""
-
-
 _NOT_OF_THE_MODEL = ("slow", "fast", "fixture", "held")
 """Parts of the error that have physical sizes known beforehand."""
 
@@ -76,7 +54,7 @@ def _plain(marginal: Marginal, x: Reals, most: int) -> tuple[Reals, float]:
             for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
         )
         held = Held.of(ErrorColumns((), np.zeros(0), none, errors), ErrorSizes())
-        x = _down(_Point(marginal, x, held), most, _NEAR)[0].x
+        x = descend(JointPoint.of(marginal, x, held, np.zeros(0)), fast=False, most=most, close=NEAR)[0].x
     misfits = [float(np.mean(np.abs(r) ** 2)) for r in marginal.residuals(x)]
     return x, 0.5 * sum(count * float(np.log(misfit)) for count, misfit in zip(points, misfits, strict=True))
 
@@ -93,6 +71,8 @@ class Minimum:
     converged: bool
     corrections: Corrections | None = None
     """Corrections of constants about which the errors are linear."""
+    means: Mapping[str, Reals] | None = None
+    """Means of the smooth functions of errors."""
     steps: int = 0
     """Number of steps of descents that led there."""
 
@@ -110,7 +90,7 @@ class MarginalFit:
     @classmethod
     def at(cls, marginal: Marginal, minimum: Minimum) -> "MarginalFit":
         """Return the fit with this minimum."""
-        marginal = marginal.around(minimum.corrections)
+        marginal = replace(marginal, corrections=minimum.corrections, means=minimum.means)
         made = _gram_at(marginal, minimum)
         return cls(marginal, minimum, made.value(minimum.sizes), made)
 
@@ -254,8 +234,8 @@ def fit(
     has to settle, if need be in further rounds; constants then move by less than their uncertainties. `barred`: parts
     of the error that it has none of, by their names in `ErrorSizes`.
 
-    It ends where the evidence was largest. A descent lowers the misfit with the errors that are expected where it
-    begins; far from any minimum, where little is explained, those expected where it ends may be quite others.
+    It ends where the evidence was largest: far from any minimum, where little is explained, the errors that are
+    expected where a descent ends may be quite others than those with which it began.
     """
     fast, order = "fast" not in barred, [name for name in ORDER if name not in barred]
     for name in barred:
@@ -269,7 +249,7 @@ def fit(
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
-        last, now = now, now.next(sizes, fast, _RELAXATION if held else 1.0, _CLOSE if compared else _NEAR)
+        last, now = now, now.next(sizes, fast, CLOSE if compared else NEAR)
         steps += now.steps
         if now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
             # The quadratic expansion by which these were chosen promised more than it kept.
@@ -278,8 +258,9 @@ def fit(
         best = _better(now, best)
         # without errors evidence depends on no columns
         exact = (fixed or held) and now.made.exact(sizes)
-        converged = now.steps < _STEPS and (exact or abs(now.log_evidence - before) < _SETTLED)
-        if (k >= rounds - 1 and converged) or (k > 0 and now.steps <= 1 and now.remainder < _LINEAR):
+        gained = abs(now.log_evidence - before)
+        converged = now.steps < STEPS and (exact or gained < _SETTLED)
+        if converged and (k >= rounds - 1 or (now.sizes == last.sizes and gained < CLOSE)):
             break
         idle = 0 if best is now else idle + 1
         if idle == _IDLE:
@@ -287,8 +268,9 @@ def fit(
         before = now.log_evidence
     if best.worth > now.worth + _SETTLED:
         now, sizes, converged = best, best.sizes, False
-    minimum = Minimum(now.x, sizes, fast, converged, now.marginal.corrections, steps)
-    return MarginalFit(now.marginal, minimum, now.made.value(sizes), now.made)
+    marginal = now.marginal
+    minimum = Minimum(now.x, sizes, fast, converged, marginal.corrections, marginal.means, steps)
+    return MarginalFit(marginal, minimum, now.made.value(sizes), now.made)
 
 
 def _gram_at(marginal: Marginal, minimum: Minimum) -> Gram:
@@ -297,35 +279,31 @@ def _gram_at(marginal: Marginal, minimum: Minimum) -> Gram:
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """A descent with sizes and columns of the errors fixed, and what is the case where it ended."""
+    """A descent with sizes of the errors fixed, and what is the case where it ended."""
 
     marginal: Marginal
-    """About the most probable corrections there."""
+    """About the corrections there."""
     x: Reals
     sizes: ErrorSizes
     made: Gram
-    steps: int = _STEPS
-    remainder: float = np.inf
-    """Part of chi2 that the corrections leave beyond first order."""
-    near: bool = False
-    """Whether a descent has ended there. Far from any explanation errors would be what no device has, and a model with
-    such errors leads nowhere."""
+    a: Reals
+    """Coefficients of the columns, shape (C,)."""
+    steps: int = STEPS
 
     @classmethod
     def before(cls, marginal: Marginal, x: Reals, sizes: ErrorSizes, fast: bool) -> Self:
         """Return where the first round begins."""
-        return cls(marginal, x, sizes, marginal.gram(x, marginal.columns(x, fast=fast)))
+        columns = marginal.columns(x, fast=fast)
+        marginal = marginal.centred(columns.means)
+        return cls(marginal, x, sizes, marginal.gram(x, columns), np.zeros(len(columns.parts)))
 
-    def next(self, sizes: ErrorSizes, fast: bool, part: float, close: float) -> Self:
-        """Descend with these sizes of the errors to `close` to the minimum, and go this part of the way."""
-        begun = _Point(self.marginal, self.x, Held.of(self.made.columns, sizes), self.near)
-        end, steps = _down(begun, close=close)
-        between = replace(begun, x=self.x + part * (end.x - self.x))
-        if part < 1 and between.here < begun.here:
-            end = between
-        end, remainder = end.recorrected()
+    def next(self, sizes: ErrorSizes, fast: bool, close: float) -> Self:
+        """Descend with these sizes of the errors to `close` to the minimum."""
+        begun = JointPoint.at(self.marginal, self.x, self.made.columns, sizes, self.a)
+        end, steps = descend(begun, fast=fast, close=close)
         made = end.marginal.gram(end.x, end.marginal.columns(end.x, fast=fast))
-        return type(self)(end.marginal, end.x, sizes, made, steps, remainder, near=True)
+        a = end.a if made.columns.parts == end.held.columns.parts else np.zeros(len(made.columns.parts))
+        return type(self)(end.marginal, end.x, sizes, made, a, steps)
 
     @cached_property
     def log_evidence(self) -> float:
@@ -344,114 +322,3 @@ class _Round:
 
 def _better(one: _Round, other: _Round) -> _Round:
     return one if one.worth >= other.worth else other
-
-
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """A point of a descent, with the corrections about which the errors are linear there."""
-
-    marginal: Marginal
-    x: Reals
-    held: Held
-    """Columns of errors, the same throughout a descent but for what the corrections absorb."""
-    followed: bool = False
-    """Whether errors are linear about what they most probably are at every point of a descent."""
-
-    @cached_property
-    def here(self) -> float:
-        """Minus twice ln of the joint density, apart from constants."""
-        return self.held.here(self.marginal.residuals(self.x), self.marginal.against(self.x))
-
-    def expanded(self) -> Expansion:
-        """Return the marginal likelihood and its derivatives. Raises LinAlgError."""
-        return self.marginal.expanded(self.x, self.held)
-
-    def after(self, at: Expansion, step: Reals) -> Self:
-        """Return the point after a step.
-
-        It is about what the errors most probably are there, if they are `followed`: where constants and errors shift a
-        resonance in opposite ways, errors that stayed where they are would be linear over much less than its width, and
-        the descent would creep along a valley.
-        """
-        there = replace(self, x=self.x + step)
-        return there.about(self.held.coefficients(at, step)) if self.followed else there
-
-    def about(self, coefficients: Reals) -> Self:
-        """Return the same point about errors with these coefficients of the columns, shape (C,)."""
-        columns = self.held.columns
-        on = self.marginal.corrected(columns)
-        absorbed = tuple(block[:, on] @ coefficients[on] for block in columns.blocks)
-        marginal = self.marginal.around(self.marginal.corrections_at(columns, coefficients))
-        return replace(self, marginal=marginal, held=replace(self.held, columns=replace(columns, absorbed=absorbed)))
-
-    def recorrected(self) -> tuple[Self, float]:
-        """Return the point about the most probable errors, and how far from linear they were: their part of chi2.
-
-        If that is little, it is left as it is.
-        """
-        r = self.held.columns.beyond(self.marginal.residuals(self.x))
-        there = self.about(self.held.most_probable(r))
-        beyond = there.held.columns.beyond(there.marginal.residuals(self.x))
-        pairs = zip(beyond, r, self.held.columns.points, strict=True)
-        remainder = sum(float(np.sum((np.abs(new - old) / own.noise) ** 2)) for new, old, own in pairs)
-        return (there if remainder >= _LINEAR else self), remainder
-
-
-def _down(point: _Point, most: int = _STEPS, close: float = _CLOSE) -> tuple[_Point, int]:
-    """Minimise by Levenberg-Marquardt with columns and sizes fixed; return the point and the number of steps.
-
-    Damping follows how much of the expected fall a step has brought (H. B. Nielsen, Damping parameter in Marquardt's
-    method, IMM-REP-1999-05). In a curved valley all damped steps are short, and none means that the minimum is near.
-    """
-    damping, growth, short, used = 0.0, _DAMPED, 0, 0
-    at = point.expanded()
-    for _ in range(most):
-        value = at.value
-        if float(value.step @ value.H @ value.step) < close or short > _SHORT:
-            break
-        step = value.step if damping == 0 else _damped(value, value.H @ value.step, damping)
-        step = step / max(1.0, float(np.max(np.abs(step))) / _FURTHEST)
-        used += 1
-        there = point.after(at, step + _acceleration(point, at, step, damping))
-        fall = value.here - there.here
-        if fall > 0:
-            point = there
-            if damping == 0 and fall < close:
-                break
-            expected = float((2 * value.step - step) @ value.H @ step)
-            part = min(fall / max(expected, 1e-300), 1.0)
-            damping, growth = damping * max(_RELAXED, 1 - (2 * part - 1) ** 3), _DAMPED
-            damping = damping if damping > _UNDAMPED else 0.0
-            short = short + 1 if fall < close else 0
-            try:
-                at = point.expanded()
-            except np.linalg.LinAlgError:
-                break
-        else:
-            damping, growth = max(damping, _LEAST) * growth, 2 * growth
-            if damping > 1e6:
-                break
-    return point, used
-
-
-def _acceleration(point: _Point, at: Expansion, step: Reals, damping: float) -> Reals:
-    """Return by how much a step along a curved valley is bent; nothing where the valley is not smooth enough.
-
-    M. K. Transtrum, B. B. Machta and J. P. Sethna, Phys. Rev. E 83 (2011) 036701: half the geodesic acceleration, from
-    the second derivative of the residuals along the step.
-    """
-    there = point.after(at, _ALONG * step)
-    near = there.held.columns.beyond(there.marginal.residuals(there.x))
-    second = [2 / _ALONG * ((b - a) / _ALONG - J @ step) for a, b, J in zip(at.r, near, at.J, strict=True)]
-    if not all(np.all(np.isfinite(own)) for own in second):
-        return np.zeros_like(step)
-    bend = _damped(at.value, -point.held.gradient(at, second), max(damping, _REGULAR)) / 2
-    length, bent = (float(np.sqrt(np.diag(at.value.H) @ one**2)) for one in (step, bend))
-    return bend if bent <= _BENT * length else np.zeros_like(step)
-
-
-def _damped(value: Value, pull: Reals, damping: float) -> Reals:
-    """Return a damped step; `pull` is minus half the gradient."""
-    unit = np.sqrt(np.where(np.diag(value.H) > 0, np.diag(value.H), 1.0))
-    H = value.H / unit / unit[:, None]
-    return np.asarray(np.linalg.solve(H + damping * np.eye(unit.size), pull / unit) / unit, np.float64)

@@ -19,6 +19,7 @@ from ..engine.descent import Descent, settle, with_model_discrepancy
 from ..engine.fitted_model import FittedModel
 from ..engine.noise import noise_of
 from ..engine.objective import Objective
+from ..engine.parameters.constraints import bounded
 from ..engine.parameters.coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from ..engine.recording import Recording, log_ratio
 from ..engine.start import resonance_pairs
@@ -33,6 +34,9 @@ _MOST = 12
 """Budget: number of branches."""
 _TRIED = 2
 """Budget: number of places at which a further branch is tried."""
+_BEYOND = 1.05
+"""Factor by which a branch may resonate beyond the recorded band. Far beyond it is no resonance of the device, but its
+capacitance behind a lead."""
 _QUALITIES = 3.0, 1e5
 """Range of the quality factors of a further branch: a line that is broader belongs to the background."""
 
@@ -59,7 +63,10 @@ def _starts(sweep: Sweep) -> list[Lumped]:
 
 
 def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
-    branches = (resonant_branch(f"branch{k}") for k in range(1, len(start.branches) + 1))
+    ends = 2 * np.pi * sweep.frequency[0] / _BEYOND, 2 * np.pi * sweep.frequency[-1] * _BEYOND
+    within = float(np.log(ends[0])), float(np.log(ends[1]))
+    each = [f"branch{k}" for k in range(1, len(start.branches) + 1)]
+    branches = [bounded(resonant_branch(name), {f"{name}.fs": within}) for name in each]
     blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), *branches)
     names = tuple(name for block in blocks for name in block.coordinates)
     coordinates = Coordinates(blocks, start.parameters(), names)

@@ -12,7 +12,7 @@ from ...interface import Constant
 from ...uncertainty.fit_result import fitted_constants
 
 _THIN = 1e-2
-"""Smallest layer thickness at which a fit can start, relative to the nominal one."""
+"""Part of its nominal thickness below which a layer has vanished."""
 
 
 class ModelUnderDiagnosis(Protocol):
@@ -52,12 +52,12 @@ class LayeredModel:
     def restart(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the values without vanishing layers.
 
-        A layer whose thickness a wrong model has driven to zero restarts at a small part of its nominal thickness: a
-        fit cannot return from 1e-100 m.
+        A layer whose thickness a wrong model has driven to zero restarts as the build states it: the logarithm of a
+        thickness has no way back from there.
         """
         nominal = nominal_parameters(self.build)
-        thin = {name: _THIN * nominal[name] for name in values if name.endswith(".thickness") and name in nominal}
-        return {**values, **{name: max(values[name], least) for name, least in thin.items()}}
+        gone = {name for name in values if name.endswith(".thickness") and values[name] < _THIN * nominal.get(name, 0)}
+        return {**values, **{name: nominal[name] for name in gone}}
 
     def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the values with all layers as the build states them."""

@@ -113,13 +113,12 @@ class GreedySearch(FittedHypotheses):
 
     def substitute(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""
-        if len(one.effects) < 2:
-            return
         for effect in one.effects:
             if self.exhausted:
                 return
             rest = self.without(one, effect)
-            self.grow(rest, SUBSTITUTES, like=one)
+            if rest.effects:
+                self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
         self.polish()
         first = self.probable[0]
@@ -136,7 +135,8 @@ class GreedySearch(FittedHypotheses):
             if found.gain > RESEMBLING:
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
-        self.fit([plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one)])
+        near = [self._near(one, found, rest) for found in chosen]
+        self.fit([*near, *(plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one))])
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""

@@ -1,13 +1,14 @@
-"""Known smooth corrections of a ceramic's constants, as functions of frequency."""
+"""Known smooth corrections of the constants of layers, as functions of frequency."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Reals
-from ...stack import LossLaw, Piezo, Stack
+from ...stack import Elastic, LossLaw, Piezo, Stack
+from ...stack.loss_laws import ComplexLike
 from ...stack.stack import Layer
 from .assembly import Assembly
 from .corrected_path import PathCorrection
@@ -16,8 +17,13 @@ from .modified_laws import Multiple
 
 EVERYWHERE = "layers"
 _LAWS = {"c33D": "c_law", "h33": "h_law", "eps33S": "eps_law"}
-CORRECTED = tuple(_LAWS)
-"""Constants of a piezoelectric layer that can be corrected."""
+_OF_WAVES = "z", "c"
+
+
+def corrected_in(layer: Layer) -> tuple[str, ...]:
+    """Return the full names of a layer's constants that can be corrected."""
+    own = tuple(_LAWS) if isinstance(layer, Piezo) else _OF_WAVES if isinstance(layer, Elastic) else ()
+    return tuple(f"{layer.name}.{constant}" for constant in own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +62,35 @@ class _Corrected(Multiple):
         return made
 
 
+@dataclass(frozen=True)
+class _CorrectedElastic(Elastic):
+    """A passive layer whose impedance and speed are multiplied by known factors."""
+
+    corrections: Corrections = field(kw_only=True, compare=False)
+
+    @classmethod
+    def of(cls, layer: Elastic, corrections: Corrections) -> Self:
+        """Return a layer with corrections."""
+        return cls(layer.name, layer.thickness, layer.z, layer.c, layer.q, layer.law, corrections=corrections)
+
+    def replace(self, values: Mapping[str, float]) -> Self:
+        """Return the layer with these parameters."""
+        plain = Elastic(self.name, self.thickness, self.z, self.c, self.q, self.law)
+        return self.of(plain.replace(values), self.corrections)
+
+    def wave(self, frequency: Frequencies) -> tuple[ComplexLike, ComplexLike]:
+        """Return the characteristic impedance (Rayl) and the travel time t/v (s) of a wave through the layer."""
+        Zc, theta = super().wave(frequency)
+        return Zc * self._factor("z", frequency), theta / self._factor("c", frequency)
+
+    def _factor(self, constant: str, frequency: Frequencies) -> ComplexLike:
+        name = f"{self.name}.{constant}"
+        return 1 + self.corrections.over(name, frequency) if name in self.corrections.relative else 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class CorrectedConstants(Effect):
-    """Constants of piezoelectric layers times known factors; it has no parameters and is in no catalogue."""
+    """Constants of layers times known factors; it has no parameters and is in no catalogue."""
 
     corrections: Corrections
     name: str = "~corrected-constants"
@@ -82,6 +114,9 @@ class CorrectedConstants(Effect):
         return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(self._corrected, stack.layers))))
 
     def _corrected(self, layer: Layer) -> Layer:
+        known = self.corrections.relative
+        if isinstance(layer, Elastic) and any(name in known for name in corrected_in(layer)):
+            return _CorrectedElastic.of(layer, self.corrections)
         if not isinstance(layer, Piezo):
             return layer
         laws: dict[str, LossLaw] = {}
