@@ -18,11 +18,12 @@ from ..engine.parameters.assembly import (
     UNITS,
     effects_of,
     layers_of,
+    without_vanished,
 )
 from ..engine.parameters.known_effects import KnownEffect
 from ..engine.recording import rms
 from ..error_model.instrument_share import chi2_beside_instrument
-from ..error_model.marginal_estimate import marginal_estimate
+from ..error_model.marginal_estimate import MarginalEstimate, marginal_estimate
 from ..interface import Constant, Curve, FitResult, Options
 from .bootstrap import bootstrap
 from .budget import budget_of
@@ -122,7 +123,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     values, _ = coordinates.forward(result.x)
     by: Mapping[str, Reals] | None = None
     if options.objective == "log" and options.procedure == "joint":
-        estimated = marginal_estimate(objective, result.x)
+        estimated = _with_errors(objective, result.x, solution.build)
         values, covariance, by = dict(estimated.values), estimated.covariance, estimated.by
         result = replace(result, x=estimated.x)
     layers = layers_of(solution.build, solution.noises)
@@ -159,6 +160,15 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
         curves=curves,
         budget=budget_of(solution, by) if options.procedure != "frozen" and options.objective != "kt2" else None,
     )
+
+
+def _with_errors(objective: Objective, x: Reals, build: Build) -> MarginalEstimate:
+    """Return the fit with the error model from a minimum of least squares; where a layer has vanished, also from it."""
+    coordinates = objective.coordinates
+    values, _ = coordinates.forward(x)
+    back = without_vanished(build, values)
+    starts = [x] if back == values else [x, coordinates.inverse(back)]
+    return max((marginal_estimate(objective, start) for start in starts), key=lambda one: one.found.log_evidence)
 
 
 def _carried(solution: Solution) -> Reals:

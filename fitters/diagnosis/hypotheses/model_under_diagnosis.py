@@ -6,13 +6,10 @@ from typing import Protocol
 
 from ....models.base.arrays import Reals
 from ....models.build import Build
-from ...engine.parameters.assembly import coordinates_of, effects_of, layers_of, nominal_parameters
+from ...engine.parameters.assembly import coordinates_of, effects_of, layers_of, nominal_parameters, without_vanished
 from ...engine.parameters.coordinates import Coordinates
 from ...interface import Constant
 from ...uncertainty.fit_result import fitted_constants
-
-_THIN = 1e-2
-"""Part of its nominal thickness below which a layer has vanished."""
 
 
 class ModelUnderDiagnosis(Protocol):
@@ -50,14 +47,8 @@ class LayeredModel:
         return coordinates_of(self.build, steps, values, self.free)
 
     def restart(self, values: Mapping[str, float]) -> Mapping[str, float]:
-        """Return the values without vanishing layers.
-
-        A layer whose thickness a wrong model has driven to zero restarts as the build states it: the logarithm of a
-        thickness has no way back from there.
-        """
-        nominal = nominal_parameters(self.build)
-        gone = {name for name in values if name.endswith(".thickness") and values[name] < _THIN * nominal.get(name, 0)}
-        return {**values, **{name: nominal[name] for name in gone}}
+        """Return the values without vanished layers."""
+        return without_vanished(self.build, values)
 
     def as_stated(self, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the values with all layers as the build states them."""

@@ -148,6 +148,10 @@ def nominal_parameters(build: Build) -> dict[str, float]:
     return values | {name: value for one in effects_of(build) for name, value in one.values.items()}
 
 
+_THIN = 1e-2
+"""Part of its nominal thickness below which a layer has vanished."""
+
+
 def _loads(build: Build) -> dict[str, Quantity]:
     """Return the existing loads and their uncertainty, by parameter name.
 
@@ -180,6 +184,16 @@ def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
         blocks.append(_in_bounds(positive(name), name, quantity))
     blocks += [block for one in effects_of(build, steps) for block in one.blocks]
     return _with_ties(build, blocks, followers)
+
+
+def without_vanished(build: Build, values: Mapping[str, float]) -> Mapping[str, float]:
+    """Return the values with layers that a wrong model has driven to nothing as thick as the build states them.
+
+    The logarithm of a thickness has no way back from there.
+    """
+    nominal = nominal_parameters(build)
+    gone = {name for name in values if name.endswith(".thickness") and values[name] < _THIN * nominal.get(name, 0.0)}
+    return {**values, **{name: nominal[name] for name in gone}}
 
 
 def _unbounded(name: str, quantity: Quantity) -> Block:

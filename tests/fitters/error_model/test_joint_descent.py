@@ -9,7 +9,7 @@ import pytest
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.objective import Objective
-from pzctl.fitters.engine.parameters.assembly import nominal_parameters, stack_of
+from pzctl.fitters.engine.parameters.assembly import nominal_parameters, stack_of, without_vanished
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.error_model.joint_descent import JointPoint, descend
 from pzctl.fitters.error_model.marginal import Marginal
@@ -123,6 +123,20 @@ def test_a_glue_that_is_not_the_librarys_is_found_from_the_build(build: Build, z
     corrections = found[0].minimum.corrections
     assert corrections
     assert np.exp(corrections.held["glue.z"]) == pytest.approx(z / 2.9e6, rel=0.1)
+
+
+def test_a_layer_that_has_vanished_comes_back(build: Build) -> None:
+    """Least squares without errors may drive a glue to nothing; the logarithm of its thickness has no way back."""
+    objective = judged(build, recorded(build, z=3.6e6, thickness=8e-6))
+    coordinates = objective.coordinates
+    gone = {**coordinates.forward(coordinates.x)[0], "glue.thickness": 1e-60}
+    lost, found = (
+        fit(Marginal.of(objective), coordinates.inverse(values), (ErrorSizes(),), rounds=5)
+        for values in (gone, without_vanished(build, gone))
+    )
+    assert lost.values["glue.thickness"] < 1e-9
+    assert found.values["glue.thickness"] == pytest.approx(8e-6, rel=0.3)
+    assert found.log_evidence > lost.log_evidence + 100
 
 
 def _true(build: Build, z: float, c: float) -> dict[str, float]:
