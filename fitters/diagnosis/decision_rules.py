@@ -38,9 +38,9 @@ order, and the effect is fitted whatever its gain."""
 ASTRAY = 0.05
 """Probability that constants and dimensions of a right model are further from the build. Where they are, something
 missing has probably moved them, and fits also begin where the build states them: all it costs is time."""
-BUDGET = 4_000_000
+BUDGET = 2_000_000
 """Budget: steps of descents times points after which no more effects are sought, none is moved and none is replaced.
-A disk with one effect takes a fifteenth of it, two steps with what no effect explains nearly all."""
+A disk with one effect takes a tenth of it, three steps with several effects all."""
 UNFINISHED = 5
 """Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of one: a
 probability is computed from how well it describes the recordings where it ended."""

@@ -62,7 +62,7 @@ class ContainedErrors:
     """
 
     def __init__(self, recordings: Sequence[Recording], columns: ErrorColumns) -> None:
-        layers = sorted({name for one in recordings for name in _of_layers(one.model)})
+        layers = sorted({name for one in recordings for name in layers_corrected(one.model)})
         everything = range(len(recordings))
         self._layers = _Sampled.of_columns(recordings, everything, columns, layers)
         self._paths: dict[str, _Sampled] = {}
@@ -97,7 +97,7 @@ class ContainedErrors:
         return [own + block @ a[left] if left.size else own for own, (left, block) in zip(r, self._rest, strict=True)]
 
 
-def _of_layers(model: Model) -> list[str]:
+def layers_corrected(model: Model) -> list[str]:
     """Return the constants of a model's layers that can be corrected."""
     bare = model.bare if isinstance(model, Device) else model
     return [name for layer in bare.layers for name in corrected_in(layer)] if isinstance(bare, Stack) else []

@@ -79,24 +79,25 @@ class JointPoint:
         a[self.held.on] += self.held.d * dz
         return replace(self, x=self.x + dx, fresh=not dz.size).with_errors(a)
 
-    def refreshed(self, fast: bool) -> Self:
+    def refreshed(self) -> Self:
         """Return the same point with its own derivatives by what the model contains.
 
         What the model does not contain stays as it is: the density that a descent lowers must not change on its way.
         """
-        old, new = self.held.columns, self.marginal.columns(self.x, fast=fast)
-        if new.parts != old.parts:  # what an approximate model neglects begins to show
-            return replace(self, fresh=True)
-        blocks = tuple(
-            np.where(self.contained.there, its, own) for its, own in zip(new.blocks, old.blocks, strict=True)
-        )
-        columns = replace(new, blocks=blocks, losses=old.losses, points=old.points)
-        return self.of(self.marginal, self.x, Held.of(columns, self.held.sizes), self.a).with_errors(self.a)
+        columns = self.marginal.renewed(self.x, self.held.columns)
+        there = replace(self, held=Held.of(columns, self.held.sizes), fresh=True)
+        there.__dict__.update(residuals=self.residuals, seen=self.seen, here=self.here)
+        return there
 
     @cached_property
     def residuals(self) -> list[Complexes]:
         """ln(Z_model/Z) of each recording with all errors, shape (N,)."""
         return self.contained.with_rest(self.marginal.residuals(self.x), self.a)
+
+    @cached_property
+    def seen(self) -> WhitenedColumns:
+        """The residuals, whitened."""
+        return self.held.kernel.white([own[:, None] for own in self.residuals])
 
     @property
     def z(self) -> Reals:
@@ -106,8 +107,7 @@ class JointPoint:
     @cached_property
     def here(self) -> float:
         """Minus twice ln of the joint density, apart from constants; infinite where the model has no value."""
-        seen = self.held.kernel.white([own[:, None] for own in self.residuals])
-        total = float(seen.lengths()[0]) + float(self.z @ self.z) + self.marginal.against(self.x)
+        total = float(self.seen.lengths()[0]) + float(self.z @ self.z) + self.marginal.against(self.x)
         return total if np.isfinite(total) else np.inf
 
 
@@ -119,6 +119,8 @@ class _Expansion:
     """
 
     at: JointPoint
+    own: bool
+    """Whether the derivatives by constants are those of this very point."""
     before: Beforehand
     seen: WhitenedColumns
     """Derivatives by constants, whitened."""
@@ -134,9 +136,19 @@ class _Expansion:
         """Return the expansion at a point."""
         held, before = at.held, at.marginal.beforehand(at.x)
         seen = held.kernel.white(at.marginal.slopes(at.x))
-        r = held.kernel.white([own[:, None] for own in at.residuals])
-        g, pull = seen.times(r)[:, 0] + before.g, held.products(r)[:, 0] + at.z
-        return cls(at, before, seen, seen.squared() + before.P, held.products(seen), g, pull)
+        g, pull = seen.times(at.seen)[:, 0] + before.g, held.products(at.seen)[:, 0] + at.z
+        return cls(at, True, before, seen, seen.squared() + before.P, held.products(seen), g, pull)
+
+    def carried(self, there: JointPoint) -> Self:
+        """Return the expansion at a point nearby with the derivatives of here."""
+        g, pull = self._gradient(there)
+        before = replace(self.before, g=self.before.g + self.before.P @ (there.x - self.at.x))
+        return replace(self, at=there, own=False, before=before, g=g, pull=pull)
+
+    def _gradient(self, there: JointPoint) -> tuple[Reals, Reals]:
+        """Return half the gradient at a point nearby with the derivatives of here."""
+        g = self.seen.times(there.seen)[:, 0] + self.before.g + self.before.P @ (there.x - self.at.x)
+        return g, self.at.held.products(there.seen)[:, 0] + there.z
 
     def step(self, radius: float) -> "_Step":
         """Return the step to the minimum within this distance in any coordinate. Raises LinAlgError."""
@@ -163,11 +175,8 @@ class _Expansion:
         The step has left a curved valley by second order. Where the walls of the valley are steep, the derivatives of
         where it began lead back: a Newton step with an old matrix, of the residuals that should not be there.
         """
-        held = self.at.held
-        r = held.kernel.white([own[:, None] for own in there.residuals])
-        dx = there.x - self.at.x
-        g = self.seen.times(r)[:, 0] + self.before.g + self.before.P @ dx + step.damping * step.dx
-        pull = held.products(r)[:, 0] + there.z + step.damping * _OF_ERRORS**2 * step.dz
+        g, pull = self._gradient(there)
+        g, pull = g + step.damping * step.dx, pull + step.damping * _OF_ERRORS**2 * step.dz
         return there.moved(*self._solved(g, pull, step.damping, step.L))
 
     def _factor(self, damping: float) -> Reals:
@@ -204,13 +213,13 @@ class _Step:
     """Largest change of a coordinate."""
 
 
-def descend(point: JointPoint, *, fast: bool, most: int = STEPS, close: float = CLOSE) -> tuple[JointPoint, int]:
+def descend(point: JointPoint, most: int = STEPS, close: float = CLOSE) -> tuple[JointPoint, int]:
     """Return where the joint density is largest, or as far as `most` steps lead, and the number of steps.
 
     Levenberg and Marquardt's steps in coordinates in which the model is nearly linear over the same distance, each led
-    back into the valley that it leaves; they become shorter where what was expected of them does not come true.
-    `fast`: whether the columns have fast errors of the instrument. `close`: expected fall of minus twice the ln density
-    at which it ends.
+    back into the valley that it leaves. As long as what was expected of them comes true, derivatives are kept;
+    otherwise they are computed anew, and then steps become shorter. `close`: expected fall of minus twice the ln
+    density at which it ends.
     """
     radius, short, used = _FURTHEST, 0, 0
     try:
@@ -223,13 +232,16 @@ def descend(point: JointPoint, *, fast: bool, most: int = STEPS, close: float = 
             fall = point.here - there.here
             if fall > 0:
                 point, short = there, short + (fall < close)
-            if kept < _STALE and not expansion.at.fresh:
-                point = point.refreshed(fast)
-            elif kept > _GOOD:
+            stale = not (expansion.own and expansion.at.fresh)
+            if kept > _GOOD:
                 radius = min(_FURTHEST, max(radius, _LONGER * step.length))
+                expansion = expansion.carried(point)
+                continue
+            if kept < _STALE and stale:
+                point = point.refreshed()
             elif kept < _POOR:
                 radius = min(radius, step.length) / _LONGER
-            if point is not expansion.at:
+            if point is not expansion.at or not expansion.own:
                 expansion = _Expansion.of(point)
     except np.linalg.LinAlgError:
         pass

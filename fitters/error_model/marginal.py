@@ -17,8 +17,8 @@ from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
 from ..engine.recording import Recording
-from .contained_errors import altered
-from .error_columns import ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
+from .contained_errors import altered, layers_corrected
+from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
 from .error_sizes import Beforehand, Gram
 
 _UNINFORMED = 1 / 9
@@ -134,6 +134,22 @@ class Marginal:
             absorbed = [total + moved * own for total, own in zip(absorbed, one.columns, strict=True)]
         return replace(made, absorbed=tuple(absorbed))
 
+    def renewed(self, x: Reals, columns: ErrorColumns) -> ErrorColumns:
+        """Return columns with the derivatives of this point by what the model contains; the others as they are."""
+        held = {HELD + one.name: one for one in self._held(x)}
+        blocks: list[Complexes] = []
+        for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
+            place = place_of(replace(recording, model=model), {}, [], self._in_series(recording))
+            slopes = {name: place.path_slope(name) for name in _PATH}
+            slopes |= {name: own for name, own in place.felt.items() if name in self.of_layers}
+            slopes |= {name: one.columns[k] / one.relative for name, one in held.items()}
+            block = columns.blocks[k].copy()
+            for column, one in enumerate(columns.corrections):
+                if one is not None and one.name in slopes:
+                    np.multiply(slopes[one.name], one.relative[k], out=block[:, column])
+            blocks.append(block)
+        return replace(columns, blocks=tuple(blocks))
+
     def _in_series(self, recording: Recording) -> Impedances | float:
         """Return what the path that the model contains has in series in a recording, shape (N,)."""
         path = None if self.corrections is None else self.corrections.paths.get(recording.step)
@@ -158,6 +174,11 @@ class Marginal:
     def slopes(self, x: Reals) -> list[Complexes]:
         """Return the derivatives of the residuals of each recording, shape (N, M)."""
         return self._unweighted(self._corrected.jacobian(x).T)
+
+    @cached_property
+    def of_layers(self) -> frozenset[str]:
+        """Names of the constants of layers that the model can contain corrections of."""
+        return frozenset(name for one in self.objective.recordings for name in layers_corrected(one.model))
 
     def _held(self, x: Reals) -> list[HeldValue]:
         """Return the held values that may be off."""

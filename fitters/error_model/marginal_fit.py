@@ -54,7 +54,7 @@ def _plain(marginal: Marginal, x: Reals, most: int) -> tuple[Reals, float]:
             for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
         )
         held = Held.of(ErrorColumns((), np.zeros(0), none, errors), ErrorSizes())
-        x = descend(JointPoint.of(marginal, x, held, np.zeros(0)), fast=False, most=most, close=NEAR)[0].x
+        x = descend(JointPoint.of(marginal, x, held, np.zeros(0)), most=most, close=NEAR)[0].x
     misfits = [float(np.mean(np.abs(r) ** 2)) for r in marginal.residuals(x)]
     return x, 0.5 * sum(count * float(np.log(misfit)) for count, misfit in zip(points, misfits, strict=True))
 
@@ -300,7 +300,7 @@ class _Round:
     def next(self, sizes: ErrorSizes, fast: bool, close: float) -> Self:
         """Descend with these sizes of the errors to `close` to the minimum."""
         begun = JointPoint.at(self.marginal, self.x, self.made.columns, sizes, self.a)
-        end, steps = descend(begun, fast=fast, close=close)
+        end, steps = descend(begun, close=close)
         made = end.marginal.gram(end.x, end.marginal.columns(end.x, fast=fast))
         a = end.a if made.columns.parts == end.held.columns.parts else np.zeros(len(made.columns.parts))
         return type(self)(end.marginal, end.x, sizes, made, a, steps)

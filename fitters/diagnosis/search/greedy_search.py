@@ -135,8 +135,10 @@ class GreedySearch(FittedHypotheses):
             if found.gain > RESEMBLING:
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
-        near = [self._near(one, found, rest) for found in chosen]
-        self.fit([*near, *(plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one))])
+        plans = [self._near(one, found, rest) for found in chosen]
+        if rest.effects:  # alone, each has been fitted from afar
+            plans += [plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one)]
+        self.fit(plans)
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""

@@ -38,6 +38,20 @@ class Corrections:
     """By gluing step: what its path to the analyzer adds."""
     held: Mapping[str, float] = field(default_factory=dict[str, float])
     """Changes of ln value of values that a fit holds as exact, by name."""
+    _factors: dict[tuple[str, int], tuple[Frequencies, Complexes]] = field(
+        default_factory=dict[tuple[str, int], tuple[Frequencies, Complexes]]
+    )
+    """Factors at the frequencies of recordings, by name and identity: a model asks for them many times."""
+
+    def factor(self, name: str, frequency: Frequencies) -> Complexes:
+        """Return the factor of one constant at frequencies in Hz, shape (N,)."""
+        known = self._factors.get((name, id(frequency)))
+        if known is not None and known[0] is frequency:
+            return known[1]
+        made = 1 + self.over(name, frequency)
+        if not frequency.flags.writeable:
+            self._factors[name, id(frequency)] = frequency, made
+        return made
 
     def over(self, name: str, frequency: Frequencies) -> Complexes:
         """Return the correction of one constant at frequencies in Hz, shape (N,)."""
@@ -48,18 +62,10 @@ class Corrections:
 class _Corrected(Multiple):
     corrections: Corrections
     name: str
-    _known: list[tuple[Frequencies, Complexes]] = field(default_factory=list[tuple[Frequencies, Complexes]])
-    """One-entry cache."""
 
     def factor_at(self, frequency: Frequencies) -> Complexes:
         """Return the factor at frequencies in Hz, shape (N,)."""
-        for where, known in self._known:
-            if where is frequency:
-                return known
-        made = 1 + self.corrections.over(self.name, frequency)
-        if not frequency.flags.writeable:
-            self._known[:] = [(frequency, made)]
-        return made
+        return self.corrections.factor(self.name, frequency)
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,7 @@ class _CorrectedElastic(Elastic):
 
     def _factor(self, constant: str, frequency: Frequencies) -> ComplexLike:
         name = f"{self.name}.{constant}"
-        return 1 + self.corrections.over(name, frequency) if name in self.corrections.relative else 1.0
+        return self.corrections.factor(name, frequency) if name in self.corrections.relative else 1.0
 
 
 @dataclass(frozen=True, eq=False)

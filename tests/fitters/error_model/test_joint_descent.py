@@ -88,7 +88,7 @@ def test_columns_are_derivatives_of_the_model_that_contains_the_errors(build: Bu
     columns = marginal.columns(x)
     rng = np.random.default_rng(1)
     a = columns.scaled(ALL.of_columns()) * rng.normal(size=len(columns.parts))
-    point = JointPoint.at(marginal.centred(columns.means), x, columns, ALL, a).with_errors(a).refreshed(fast=True)
+    point = JointPoint.at(marginal.centred(columns.means), x, columns, ALL, a).with_errors(a).refreshed()
     contained = np.flatnonzero(point.contained.there)
     names = {own.name for k in contained if (own := point.held.columns.corrections[k]) is not None}
     assert {"series", "shunt", "disk.c33D", "ml.z", "ml.c", "held:glue.z"} <= names
@@ -105,8 +105,8 @@ def test_a_descent_only_lowers_the_joint_density(build: Build) -> None:
     marginal, x = Marginal.of(objective), objective.coordinates.x
     columns = marginal.columns(x)
     begun = JointPoint.at(marginal.centred(columns.means), x, columns, ALL, np.zeros(len(columns.parts)))
-    end, _ = descend(begun, fast=True)
-    own = replace(end, fresh=False).refreshed(fast=True)
+    end, _ = descend(begun)
+    own = replace(end, fresh=False).refreshed()
     assert own.here == pytest.approx(end.here, abs=0.5)  # derivatives of where it began have led to a true value
     assert own.here < begun.here
 
