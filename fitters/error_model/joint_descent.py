@@ -37,6 +37,8 @@ _STALE = 0.5
 """Part of the expected fall below which derivatives by errors are computed anew before steps become shorter."""
 _BACK, _CONTRACTS = 8, 0.3
 """Largest number of steps back into a valley, and the part of the way that each has to come nearer."""
+_FLAT = 0.1
+"""Part of the information of each coordinate and error by which steps back are damped."""
 _WITHIN, _DAMPINGS = 1.2, 8
 """Factor by which a step may be longer than the longest one, and the number of dampings tried for it."""
 _REGULAR = 1e-9
@@ -167,7 +169,7 @@ class _Expansion:
         curved = dx @ self.A @ dx + 2 * dz @ (self.across @ dx) + float(np.sum((self.at.held.L.T @ dz) ** 2))
         fall = float(-2 * (self.g @ dx + self.pull @ dz) - curved)
         length = max(float(np.max(np.abs(dx), initial=0.0)), _OF_ERRORS * float(np.max(np.abs(dz), initial=0.0)))
-        return _Step(dx, dz, damping, L, fall, length)
+        return _Step(dx, dz, damping, fall, length)
 
     def back(self, there: JointPoint, step: "_Step") -> JointPoint:
         """Return a point after this step, moved to where the expansion would have it.
@@ -177,7 +179,19 @@ class _Expansion:
         """
         g, pull = self._gradient(there)
         g, pull = g + step.damping * step.dx, pull + step.damping * _OF_ERRORS**2 * step.dz
-        return there.moved(*self._solved(g, pull, step.damping, step.L))
+        return there.moved(*self._solved(g, pull, self._steep, self._steep_factor))
+
+    @cached_property
+    def _steep(self) -> Reals:
+        """Damping by which only steep directions are left: in flat ones old derivatives lead astray, shape (M,)."""
+        return _FLAT * np.diag(self.A)
+
+    @cached_property
+    def _steep_factor(self) -> Reals:
+        """The same for errors: Cholesky factor of their damped information. Raises LinAlgError."""
+        L = self.at.held.L
+        S = L @ L.T
+        return np.asarray(np.linalg.cholesky(S + _FLAT * np.diag(np.diag(S))), np.float64) if L.size else L
 
     def _factor(self, damping: float) -> Reals:
         """Return the Cholesky factor of the damped information of the errors. Raises LinAlgError."""
@@ -186,10 +200,10 @@ class _Expansion:
             return L
         return np.asarray(np.linalg.cholesky(L @ L.T + damping * _OF_ERRORS**2 * np.eye(len(L))), np.float64)
 
-    def _solved(self, g: Reals, pull: Reals, damping: float, L: Reals) -> tuple[Reals, Reals]:
+    def _solved(self, g: Reals, pull: Reals, damping: float | Reals, L: Reals) -> tuple[Reals, Reals]:
         """Return the damped step from a point with this gradient. Raises LinAlgError."""
         B = whitened_by(L, np.concatenate([self.across, pull[:, None]], axis=1))
-        H, b = self.A - B[:, :-1].T @ B[:, :-1] + damping * np.eye(g.size), B[:, -1]
+        H, b = self.A - B[:, :-1].T @ B[:, :-1] + np.diag(np.full(g.size, damping)), B[:, -1]
         unit = np.sqrt(np.where(np.diag(H) > 0, np.diag(H), 1.0))
         scaled = H / unit / unit[:, None] + _REGULAR * np.eye(unit.size)
         dx = -np.linalg.solve(scaled, (g - B[:, :-1].T @ b) / unit) / unit
@@ -205,8 +219,6 @@ class _Step:
     dz: Reals
     """In standard deviations of the columns that are present."""
     damping: float
-    L: Reals
-    """Cholesky factor of the damped information of the errors."""
     fall: float
     """By how much the expansion falls."""
     length: float

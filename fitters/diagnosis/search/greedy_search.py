@@ -131,7 +131,8 @@ class GreedySearch(FittedHypotheses):
         left = [other for other in beside(rest.effects, self.candidates) if other.effect is not effect.effect]
         own = change_by(self.problem, one, effect)
         alike: dict[str, ScreenedCandidate] = {}
-        for found in resembling(self.problem, rest, own, left):
+        # constants without any effect may have gone far to imitate this one
+        for found in resembling(self.problem, rest if rest.effects else one, own, left):
             if found.gain > RESEMBLING:
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
