@@ -309,6 +309,14 @@ def exchanged(sizes: ErrorSizes) -> tuple[ErrorSizes, ...]:
     return tuple(made)
 
 
+def of_the_instrument(colour: float) -> tuple[ErrorSizes, ...]:
+    """Return errors of instrument and fixture alone, and of held values, beside noise of this colour.
+
+    Each of them alone may gain nothing where a smooth error of the constants imitates them all.
+    """
+    return tuple(ErrorSizes(slow=share, fixture=1.0, held=1.0, colour=colour) for share in scales.SHARES[1:])
+
+
 def chosen(
     made: Gram, starts: Sequence[ErrorSizes], order: Sequence[str], *, all_starts: bool = True
 ) -> tuple[ErrorSizes, Value]:

@@ -163,7 +163,8 @@ class Marginal:
         for name in known.relative:
             if name in place.felt:
                 total += place.felt[name] * known.over(name, f)
-        if (path := known.paths.get(place.recording.step)) is not None:
+        path = known.paths.get(place.recording.step)
+        if path is not None and not altered(place.recording.model):
             total += sum(path.over(name, f) * place.path_slope(name) for name in _PATH)
         return total
 

@@ -11,7 +11,7 @@ from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects.base.corrected_constants import Corrections
 from .error_columns import ErrorColumns, Part
-from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged, rough_guess
+from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged, of_the_instrument, rough_guess
 from .joint_descent import CLOSE, NEAR, STEPS, JointPoint, descend
 from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
@@ -245,7 +245,8 @@ def fit(
     converged, held, before, idle, steps = False, False, np.inf, 0, 0
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not (fixed or held):
-            again = (sizes, sizes.at("slow", 1.0).at("tau", 0.0), *exchanged(sizes)) if k > 0 else ()
+            others = sizes.at("slow", 1.0).at("tau", 0.0), *of_the_instrument(sizes.colour), *exchanged(sizes)
+            again = (sizes, *others) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
