@@ -238,15 +238,14 @@ def fit(
     expected where a descent ends may be quite others than those with which it began.
     """
     fast, order = "fast" not in barred, [name for name in ORDER if name not in barred]
-    for name in barred:
-        starts = tuple(own.at(name, 0.0) for own in starts)
+    starts = _without(barred, starts)
     sizes = starts[0]
     now = best = _Round.before(marginal, x, sizes, fast)
     converged, held, before, idle, steps = False, False, np.inf, 0, 0
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not (fixed or held):
             others = sizes.at("slow", 1.0).at("tau", 0.0), *of_the_instrument(sizes.colour), *exchanged(sizes)
-            again = (sizes, *others) if k > 0 else ()
+            again = (sizes, *_without(barred, others)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
@@ -272,6 +271,11 @@ def fit(
     marginal = now.marginal
     minimum = Minimum(now.x, sizes, fast, converged, marginal.corrections, marginal.means, steps)
     return MarginalFit(marginal, minimum, now.made.value(sizes), now.made)
+
+
+def _without(barred: Collection[str], some: Sequence[ErrorSizes]) -> tuple[ErrorSizes, ...]:
+    """Return sizes of errors with none of these parts."""
+    return tuple(replace(one, **dict.fromkeys(barred, 0.0)) for one in some)
 
 
 def _gram_at(marginal: Marginal, minimum: Minimum) -> Gram:
