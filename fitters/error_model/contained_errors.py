@@ -11,13 +11,12 @@ from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects import Device
 from ...models.effects.base.corrected_constants import Corrections, corrected_in
-from ...models.effects.base.corrected_path import SERIES, SHUNT, PathCorrection
+from ...models.effects.base.corrected_path import PATH, PathCorrection
 from ...models.effects.polarity import Polarity
 from ...models.stack import Stack
 from ..engine.recording import Recording
 from .error_columns import HELD, ErrorColumns
 
-_PATH = SERIES, SHUNT
 _FURTHEST = 1.5
 """Largest correction of the logarithm of a held value; a trial step that asks for more is a bad one."""
 
@@ -42,11 +41,10 @@ class _Sampled:
         points, first = np.unique(log_f, return_index=True)
         of: dict[str, tuple[_Indices, Complexes]] = {}
         for name in names:
-            own = [k for k, one in enumerate(columns.corrections) if one is not None and one.name == name]
-            relative = [one.relative for one in columns.corrections if one is not None and one.name == name]
+            own = {k: one.relative for k, one in enumerate(columns.corrections) if one is not None and one.name == name}
             if own:
-                there = np.stack([np.concatenate([parts[k] for k in which])[first] for parts in relative], axis=1)
-                of[name] = np.array(own, np.intp), there
+                parts = [np.concatenate([relative[k] for k in which])[first] for relative in own.values()]
+                of[name] = np.array(list(own), np.intp), np.stack(parts, axis=1)
         return cls(points, of)
 
     def at(self, a: Reals) -> dict[str, Complexes]:
@@ -69,15 +67,15 @@ class ContainedErrors:
         for step in dict.fromkeys(one.step for one in recordings):
             own = [k for k, one in enumerate(recordings) if one.step == step and not altered(one.model)]
             if own:
-                self._paths[step] = _Sampled.of_columns(recordings, own, columns, _PATH)
+                self._paths[step] = _Sampled.of_columns(recordings, own, columns, PATH)
         names = ["" if one is None else one.name for one in columns.corrections]
         self._held = {name.removeprefix(HELD): k for k, name in enumerate(names) if name.startswith(HELD)}
         self._tolerances = [0.0 if one is None else float(one.relative[0][0].real) for one in columns.corrections]
         self.there: NDArray[np.bool_] = np.array(
-            [name in layers or name in _PATH or name.startswith(HELD) for name in names], dtype=bool
+            [name in layers or name in PATH or name.startswith(HELD) for name in names], dtype=bool
         )
         """Whether the model contains what each column stands for, shape (C,)."""
-        of_path = np.array([name in _PATH for name in names], dtype=bool)
+        of_path = np.array([name in PATH for name in names], dtype=bool)
         left = [np.flatnonzero(~self.there | (of_path & altered(one.model))) for one in recordings]
         self._rest = [(own, block[:, own]) for own, block in zip(left, columns.blocks, strict=True)]
 

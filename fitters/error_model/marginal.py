@@ -11,7 +11,7 @@ from ...models.base.arrays import Complexes, Impedances, Reals
 from ...models.base.model import Model
 from ...models.effects import Device
 from ...models.effects.base.corrected_constants import EVERYWHERE, CorrectedConstants, Corrections
-from ...models.effects.base.corrected_path import SERIES, SHUNT, CorrectedPath
+from ...models.effects.base.corrected_path import PATH, SERIES, CorrectedPath
 from ...models.effects.base.effect import TERMINALS
 from ..engine.held_constants import held_constants, kind_of, slopes_by_held
 from ..engine.objective import LOADS, Objective
@@ -28,7 +28,6 @@ Around wherever the fit is, so that no value is preferred. Without it a thicknes
 away, and its boundless posterior volume would count as evidence."""
 _LOOSE = ("z", "c", "q", "thickness", "density")
 """Held constants that may be off because a build gives them as bare numbers, mostly of glue; others are exact."""
-_PATH = SERIES, SHUNT
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,7 @@ class Marginal:
         blocks: list[Complexes] = []
         for k, (recording, model) in enumerate(zip(self.objective.recordings, self.models(x), strict=True)):
             place = place_of(replace(recording, model=model), {}, [], self._in_series(recording))
-            slopes = {name: place.path_slope(name) for name in _PATH}
+            slopes = {name: place.path_slope(name) for name in PATH}
             slopes |= {name: own for name, own in place.felt.items() if name in self.of_layers}
             slopes |= {name: one.columns[k] / one.relative for name, one in held.items()}
             block = columns.blocks[k].copy()
@@ -165,7 +164,7 @@ class Marginal:
                 total += place.felt[name] * known.over(name, f)
         path = known.paths.get(place.recording.step)
         if path is not None and not altered(place.recording.model):
-            total += sum(path.over(name, f) * place.path_slope(name) for name in _PATH)
+            total += sum(path.over(name, f) * place.path_slope(name) for name in PATH)
         return total
 
     def centred(self, means: Mapping[str, Reals]) -> "Marginal":

@@ -63,10 +63,9 @@ def _starts(sweep: Sweep) -> list[Lumped]:
 
 
 def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
-    ends = 2 * np.pi * sweep.frequency[0] / _BEYOND, 2 * np.pi * sweep.frequency[-1] * _BEYOND
-    within = float(np.log(ends[0])), float(np.log(ends[1]))
-    each = [f"branch{k}" for k in range(1, len(start.branches) + 1)]
-    branches = [bounded(resonant_branch(name), {f"{name}.fs": within}) for name in each]
+    low, high = np.log(2 * np.pi * sweep.frequency[[0, -1]] * (1 / _BEYOND, _BEYOND)).tolist()
+    each = (f"branch{k}" for k in range(1, len(start.branches) + 1))
+    branches = (bounded(resonant_branch(name), {f"{name}.fs": (low, high)}) for name in each)
     blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), *branches)
     names = tuple(name for block in blocks for name in block.coordinates)
     coordinates = Coordinates(blocks, start.parameters(), names)

@@ -148,10 +148,6 @@ def nominal_parameters(build: Build) -> dict[str, float]:
     return values | {name: value for one in effects_of(build) for name, value in one.values.items()}
 
 
-_THIN = 1e-2
-"""Part of its nominal thickness below which a layer has vanished."""
-
-
 def _loads(build: Build) -> dict[str, Quantity]:
     """Return the existing loads and their uncertainty, by parameter name.
 
@@ -184,6 +180,10 @@ def _blocks(build: Build, steps: Iterable[str]) -> tuple[Block, ...]:
         blocks.append(_in_bounds(positive(name), name, quantity))
     blocks += [block for one in effects_of(build, steps) for block in one.blocks]
     return _with_ties(build, blocks, followers)
+
+
+_THIN = 1e-2
+"""Part of its nominal thickness below which a layer has vanished."""
 
 
 def without_vanished(build: Build, values: Mapping[str, float]) -> Mapping[str, float]:

@@ -13,6 +13,7 @@ from .effect import TERMINALS, Effect, EffectParameter, Stage
 
 SERIES, SHUNT = "series", "shunt"
 """Names of the two corrections."""
+PATH = SERIES, SHUNT
 
 
 @dataclass(frozen=True, eq=False)
