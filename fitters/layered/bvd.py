@@ -62,11 +62,12 @@ def _starts(sweep: Sweep) -> list[Lumped]:
     return circuits[:_PAIRS]
 
 
-def _descend(sweep: Sweep, start: Lumped, noise: Reals) -> Descent:
+def _descend(sweep: Sweep, start: Lumped, noise: Reals, *, wired: bool = False) -> Descent:
     low, high = np.log(2 * np.pi * sweep.frequency[[0, -1]] * (1 / _BEYOND, _BEYOND)).tolist()
     each = (f"branch{k}" for k in range(1, len(start.branches) + 1))
     branches = (bounded(resonant_branch(name), {f"{name}.fs": (low, high)}) for name in each)
-    blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), *branches)
+    wires = (hardly_negative("series.R", 1.0), hardly_negative("series.L", 1e-7)) if wired else ()
+    blocks = (positive("C0"), hardly_negative("C0.tan_delta", 0.01), *wires, *branches)
     names = tuple(name for block in blocks for name in block.coordinates)
     coordinates = Coordinates(blocks, start.parameters(), names)
     recording = Recording("", sweep, start, noise)
@@ -90,13 +91,19 @@ def _price(descent: Descent, sigma: Reals) -> float:
     return numbers * float(np.log(max(chi2, 1.0))) + descent.x.size * float(np.log(numbers))
 
 
+def _wired(descent: Descent) -> bool:
+    """Return whether the circuit was fitted with wires."""
+    return "series.L" in descent.objective.coordinates.parameters
+
+
 def _grown(sweep: Sweep, best: Descent, sigma: Reals, progress: Callable[[str], None]) -> Descent:
     """Add branches one by one, each where the residual has a line, while the evidence increases."""
     price = _price(best, sigma)
     while (count := len(_circuit(best).branches)) < _MOST:
         progress(f"trying {count + 1} resonances")
         circuit = _circuit(best)
-        trials = [trial for one in _further(sweep, circuit, sigma) if (trial := _with(sweep, circuit, one, sigma))]
+        lines = _further(sweep, circuit, sigma)
+        trials = [trial for one in lines if (trial := _with(sweep, circuit, one, sigma, wired=_wired(best)))]
         now, found = min(trials, key=lambda trial: trial[0], default=(price, best))
         if now >= price:
             break
@@ -104,11 +111,11 @@ def _grown(sweep: Sweep, best: Descent, sigma: Reals, progress: Callable[[str], 
     return best
 
 
-def _with(sweep: Sweep, circuit: Lumped, one: Branch, sigma: Reals) -> tuple[float, Descent] | None:
+def _with(sweep: Sweep, circuit: Lumped, one: Branch, sigma: Reals, *, wired: bool) -> tuple[float, Descent] | None:
     """Return price and fit with a further branch; None if a branch is no resonance, or leaves the recorded band."""
     try:
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # of a branch that runs away
-            trial = _descend(sweep, replace(circuit, branches=(*circuit.branches, one)), sigma)
+            trial = _descend(sweep, replace(circuit, branches=(*circuit.branches, one)), sigma, wired=wired)
             price, branches = _price(trial, sigma), _circuit(trial).branches
     except UNCOMPUTABLE:
         return None
@@ -205,27 +212,39 @@ class ButterworthVanDyke:
         )
 
     def fitted_model(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FittedModel:
-        """Return the fitted circuit, for a diagnosis; `branch1` has the largest capacitance. Raises FitError."""
+        """Return the fitted circuit, for a diagnosis; `branch1` has the largest capacitance. Raises FitError.
+
+        It has no branches in place of wires, which the diagnosis looks for: where a circuit behind wires needs fewer
+        and describes the recording better, it is that one, without its wires.
+        """
         step, sweep, _, best = _fitted(task, progress)
-        circuit = _circuit(best)
+        sigma = best.objective.recordings[0].noise
+        behind = _fitted(task, progress, wired=True)[-1]
+        if len(_circuit(behind).branches) < len(_circuit(best).branches) and _price(behind, sigma) < _price(
+            best, sigma
+        ):
+            best = behind
+        circuit = replace(_circuit(best), R=0.0, L=0.0)
         ordered = tuple(circuit.branches[k - 1] for k in _strongest_first(best))
-        if ordered != circuit.branches:
-            best = _descend(sweep, replace(circuit, branches=ordered), best.objective.recordings[0].noise)
+        if ordered != circuit.branches or best is behind:
+            best = _descend(sweep, replace(circuit, branches=ordered), sigma)
         before = best.objective
         recordings = [replace(recording, step=step) for recording in before.recordings]
         best = replace(best, objective=Objective(recordings, before.coordinates, before.priors))
         return FittedModel(best, equivalent_plate(_DEVICE, circuit.C0, ordered[0].fs), _UNITS)
 
 
-def _fitted(task: FitTask, progress: Callable[[str], None]) -> tuple[str, Sweep, Noise, Descent]:
-    """Return the step, its one recording with its noise, and the fit. Raises FitError."""
+def _fitted(
+    task: FitTask, progress: Callable[[str], None], *, wired: bool = False
+) -> tuple[str, Sweep, Noise, Descent]:
+    """Return the step, its one recording with its noise, and the fit, `wired` behind R and L. Raises FitError."""
     sweeps = [(step, sweep) for step, of_step in task.sweeps.items() for sweep in of_step]
     if len(sweeps) != 1:
         raise TaskError(f"`bvd` fits one recording; {len(sweeps)} were given")
     step, sweep = sweeps[0]
     noise, (sigma,) = noise_of([sweep])
     progress(f"fitting {step}")
-    descents = [_descend(sweep, start, sigma) for start in _starts(sweep)]
+    descents = [_descend(sweep, start, sigma, wired=wired) for start in _starts(sweep)]
     first = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
     best = _grown(sweep, first, sigma, progress)
     return step, sweep, noise, replace(best, evaluations=sum(descent.evaluations for descent in descents))

@@ -247,7 +247,7 @@ def test_a_fit_arrives_along_the_valley_of_a_density_that_is_off(tmp_path: Path)
     sweep = Sweep(f, replace(stack, layers=(denser,)).impedance(f) * np.exp(noise))
     objective = solve(FitTask(build, {"disk": (sweep,)}), lambda _: None).judged
     x = objective.coordinates.x
-    x[objective.coordinates.free.index("disk.c33D")] -= 0.01
+    x[objective.coordinates.free.index("disk.c33D")] -= 0.03
     sizes = ErrorSizes(held=1.0, slow=1.0, tau=1e-4, losses=0.3)
     found = fit(Marginal.of(objective), x, (sizes,), fixed=True)
     assert found.converged
