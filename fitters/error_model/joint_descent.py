@@ -228,13 +228,15 @@ class _Step:
     """Largest change of a coordinate."""
 
 
-def descend(point: JointPoint, most: int = STEPS, close: float = CLOSE) -> tuple[JointPoint, int]:
+def descend(
+    point: JointPoint, most: int = STEPS, close: float = CLOSE, *, led_back: bool = True
+) -> tuple[JointPoint, int]:
     """Return where the joint density is largest, or as far as `most` steps lead, and the number of steps.
 
     Levenberg and Marquardt's steps in coordinates in which the model is nearly linear over the same distance, each led
     back into the valley that it leaves. As long as what was expected of them comes true, derivatives are kept;
     otherwise they are computed anew, and then steps become shorter. `close`: expected fall of minus twice the ln
-    density at which it ends.
+    density at which it ends. `led_back`: whether steps are led back into a valley that they leave.
     """
     radius, short, used = _FURTHEST, 0, 0
     try:
@@ -243,7 +245,7 @@ def descend(point: JointPoint, most: int = STEPS, close: float = CLOSE) -> tuple
             step = expansion.step(radius)
             if step.damping == 0 and not step.fall > close:
                 break
-            used, there, kept = used + 1, *_in_valley(expansion, step)
+            used, there, kept = used + 1, *_in_valley(expansion, step, _BACK if led_back else 0)
             fall = point.here - there.here
             if fall > 0:
                 point, short = there, short + (fall < close)
@@ -263,11 +265,11 @@ def descend(point: JointPoint, most: int = STEPS, close: float = CLOSE) -> tuple
     return point, used
 
 
-def _in_valley(expansion: _Expansion, step: _Step) -> tuple[JointPoint, float]:
-    """Return the point after a step, led back into its valley, and the part of the expected fall that it brought."""
+def _in_valley(expansion: _Expansion, step: _Step, back: int) -> tuple[JointPoint, float]:
+    """Return the point after a step and at most `back` back into its valley, and what it kept of the expected fall."""
     begun = expansion.at
     there = begun.moved(step.dx, step.dz)
-    for _ in range(_BACK):
+    for _ in range(back):
         missing = there.here - (begun.here - step.fall)
         if missing < (1 - _GOOD) * step.fall:
             break

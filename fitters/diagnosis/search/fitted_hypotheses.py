@@ -138,7 +138,6 @@ class FittedHypotheses:
                 others=plan.others,
                 compared=plan.compared,
                 about=plan.about,
-                barred=self._barred,
             )
         )
 
@@ -148,12 +147,6 @@ class FittedHypotheses:
             known = self.found.get(made.key)
             if known is None or _better(made, known):
                 self.found[made.key] = made
-
-    @property
-    def _barred(self) -> tuple[str, ...]:
-        """Parts of the error that no fit has: fast ones of the instrument, if the one without effects needs none."""
-        null = self.found.get(frozenset())
-        return () if null is None or null.fit.sizes.fast > 0 else ("fast",)
 
     def polish(self) -> None:
         """Continue the fits of the best hypotheses to convergence."""
@@ -213,7 +206,8 @@ class FittedHypotheses:
     def fit_again(self, problem: Problem, within: float = NEAR) -> None:
         """Fit the best hypotheses again, to other recordings or with another error model.
 
-        `within`: ln odds behind the best one up to which a fit is continued there; the others are taken as they are.
+        `within`: ln odds behind the best one up to which a fit is continued there, as those of the best until now are;
+        the others are taken as they are.
         """
         self.problem = problem
         null, again = self.null, [one for one in self.ranked[:RECHECKED] if one.effects]
@@ -222,7 +216,9 @@ class FittedHypotheses:
         self.found = {null.key: self._first((after, replace(anew, near=True), anew))}
         for one in again:
             self.take(self._taken_over(one))
-        near = self._in_reach(self.ranked, within)
+        # where a fit ended says little of how well it will describe these recordings
+        best = [self.found[one.key] for one in again[:UNFINISHED] if one.key in self.found]
+        near = dict.fromkeys((*best, *self._in_reach(self.ranked, within)))
         self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
 
     def _taken_over(self, one: Hypothesis) -> Hypothesis | None:
