@@ -1,5 +1,6 @@
 """Selection of samples: those of the journal, or those of a folder with one subfolder for each sample."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,12 +117,21 @@ def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sa
     return [folder_sample(path, free) for path in folders]
 
 
+def in_order(files: Iterable[Path]) -> list[Path]:
+    """Return files in the order of their numbers: disk, disk-2, disk-10. A drift goes on from one to the next."""
+
+    def parts(path: Path) -> list[tuple[int, str]]:
+        return [(int(part), "") if part.isdecimal() else (0, part) for part in re.split(r"(\d+)", path.stem)]
+
+    return sorted(files, key=parts)
+
+
 def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
     """Return the sample of a folder with a build.toml and recordings; it has an `error` if it cannot be fitted."""
     try:
         build = read_build(folder / BUILD)
         steps = [step.name for step in build.steps]
-        files = sorted(path for path in folder.iterdir() if path.suffix.lower() in _TYPES)
+        files = in_order(path for path in folder.iterdir() if path.suffix.lower() in _TYPES)
         of_file = {path: step_of(path.stem, steps) for path in files}
         sweeps = {step: tuple(read_recording(p) for p in files if of_file[p] == step) for step in steps}
     except PzctlError as error:

@@ -19,11 +19,12 @@ def diagnose_case(folder: Path, effects: Sequence[str] | None = None) -> dict[st
     from ....models.sweep import Sweep
     from ...files.builds.build_file import read_build
     from ...report.tables.diagnosis_output import diagnosis_json
+    from ...samples.sample_selection import in_order
 
     began = time.perf_counter()
     try:
         sweeps: dict[str, tuple[Sweep, ...]] = {}
-        for file in sorted(folder.glob("*.csv"), key=lambda path: path.stem):
+        for file in in_order(folder.glob("*.csv")):
             step = file.stem.split("-")[0]
             sweeps[step] = (*sweeps.get(step, ()), read_recording(file))
         diagnosis = diagnosis_json(diagnose(FitTask(read_build(folder / "build.toml"), sweeps), effects))

@@ -234,6 +234,18 @@ def test_the_step_of_a_file(stem: str, step: str | None) -> None:
     assert step_of(stem, ["disk", "disk_glued", "ml1", "ml10"]) == step
 
 
+def test_the_sweeps_of_a_step_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """A drift goes on from one sweep to the next."""
+    (tmp_path / "S1").mkdir()
+    (tmp_path / "S1" / "build.toml").write_text(BUILD.format(name="S1"))
+    names = ["disk.csv", "disk-2.csv", "disk-10.csv"]
+    for name in names:
+        (tmp_path / "S1" / name).write_text("frequency_Hz,R_ohm,X_ohm\n1e6,1,-50\n2e6,1,-25\n3e6,1,-16\n")
+    (sample,) = folder_samples(tmp_path)
+    assert sample.job is not None
+    assert [sweep.id for sweep in sample.job.task.sweeps["disk"]] == names
+
+
 def test_a_folder_without_recordings_is_reported(tmp_path: Path) -> None:
     (tmp_path / "S1").mkdir()
     (tmp_path / "S1" / "build.toml").write_text(BUILD.format(name="S1"))
