@@ -168,9 +168,6 @@ class _FiniteDiameter:
         null, wanted = self.null, self.wanted
         if not lateral.shows_early(self.task, null) or self._an_effect_may_do():
             return None
-        self.search.try_each_alone()
-        if not lateral.may_be_left(self.task, self.search.best.unexplained):
-            return None
         made = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
         self._tried = (made,)
         sure = made is not None and lateral.leaves_no_other(made, null)
