@@ -36,10 +36,10 @@ _LONGER, _POOR, _GOOD = 3.0, 0.25, 0.75
 _STALE = 0.5
 """Part of the expected fall below which derivatives by errors are computed anew before steps become shorter."""
 _BACK, _CONTRACTS = 8, 0.3
-"""Largest number of steps back into a valley, and the part of the way that each has to come nearer.
-
-They stay within the furthest step from where its derivatives hold: along what the recording hardly tells they led 500
-prior standard deviations away."""
+"""Largest number of steps back into a valley, and the part of the way that each has to come nearer."""
+_ASTRAY = 30.0
+"""How far from where their derivatives hold steps back may lead in any coordinate: further than any prior allows. Along
+what the recording hardly tells, they led 500 prior standard deviations away."""
 _FLAT = 0.1
 """Part of the information of each coordinate and error by which steps back are damped."""
 _WITHIN, _DAMPINGS = 1.2, 8
@@ -275,7 +275,7 @@ def _in_valley(expansion: _Expansion, step: _Step, back: int) -> tuple[JointPoin
             break
         nearer = expansion.back(there, step)
         off = float(np.max(np.abs(nearer.x - begun.x), initial=0.0))
-        if off > _WITHIN * _FURTHEST or not there.here - nearer.here > _CONTRACTS * missing:
+        if off > _ASTRAY or not there.here - nearer.here > _CONTRACTS * missing:
             break
         there = nearer
     return there, min((begun.here - there.here) / max(step.fall, 1e-300), 1.0)
