@@ -117,7 +117,7 @@ def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sa
     return [folder_sample(path, free) for path in folders]
 
 
-def in_order(files: Iterable[Path]) -> list[Path]:
+def _in_order(files: Iterable[Path]) -> list[Path]:
     """Return files in the order of their numbers: disk, disk-2, disk-10. A drift goes on from one to the next."""
 
     def parts(path: Path) -> list[tuple[int, str]]:
@@ -131,7 +131,7 @@ def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
     try:
         build = read_build(folder / BUILD)
         steps = [step.name for step in build.steps]
-        files = in_order(path for path in folder.iterdir() if path.suffix.lower() in _TYPES)
+        files = _in_order(path for path in folder.iterdir() if path.suffix.lower() in _TYPES)
         of_file = {path: step_of(path.stem, steps) for path in files}
         sweeps = {step: tuple(read_recording(p) for p in files if of_file[p] == step) for step in steps}
     except PzctlError as error:

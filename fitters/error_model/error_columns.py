@@ -203,7 +203,6 @@ def columns_of(
     held: Sequence[HeldValue],
     lines: Sequence[WeakLine] = (),
     *,
-    fast: bool = True,
     means: Mapping[str, Reals] | None = None,
 ) -> ErrorColumns:
     """Return all columns over all recordings of a session, which has one instrument and one fixture.
@@ -232,7 +231,7 @@ def columns_of(
     def grid(length: float, most: int) -> list[Reals]:
         return [smooth(np.log(place.recording.sweep.frequency), ends, length, most) for place in places]
 
-    _instrument(add, places, grid, fast=fast)
+    _instrument(add, places, grid)
     _fixture(add, places)
     centres = _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH), means or {})
     _uneven(add, places)
@@ -269,10 +268,9 @@ def _at(places: Sequence[LinearisedRecording], functions: Sequence[_Values]) -> 
     return {id(place): own for place, own in zip(places, functions, strict=True)}
 
 
-def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid, *, fast: bool) -> None:
+def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid) -> None:
     """Add gain and phase errors, slow and fast, common to all sweeps."""
-    kinds = [("slow", scales.SLOW, scales.FEW_SLOW), ("fast", scales.FAST, scales.FEW_FAST)]
-    for part, length, most in kinds if fast else kinds[:1]:
+    for part, length, most in scales.OF_INSTRUMENT:
         functions = grid(length, most)
         of = _at(places, functions)
         for k in range(functions[0].shape[1]):

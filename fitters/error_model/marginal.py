@@ -108,7 +108,7 @@ class Marginal:
         start = {name: value * float(np.exp(held.get(name, 0.0))) for name, value in old.start.items()}
         return Objective(recordings, Coordinates(old.blocks, start, old.free), self.objective.priors, slopes_later=True)
 
-    def columns(self, x: Reals, *, fast: bool = True) -> ErrorColumns:
+    def columns(self, x: Reals) -> ErrorColumns:
         """Return the columns of errors at a point."""
         J = self.slopes(x)
         free = self.objective.coordinates.free
@@ -124,7 +124,7 @@ class Marginal:
             rough = [shapes[name] for name, error in self.shapes.items() if error.rough]
             places.append(place_of(replace(recording, model=model), shapes, rough, self._in_series(recording)))
         held = self._held(x)
-        made = columns_of(places, held, self.lines, fast=fast, means=self.means)
+        made = columns_of(places, held, self.lines, means=self.means)
         if self.corrections is None:
             return made
         absorbed = [self._absorbed(place) for place in places]

@@ -67,8 +67,6 @@ class Minimum:
     x: Reals
     """Coordinates, shape (M,)."""
     sizes: ErrorSizes
-    fast: bool
-    """Whether these include fast instrument errors."""
     converged: bool
     corrections: Corrections | None = None
     """Corrections of constants about which the errors are linear."""
@@ -100,8 +98,7 @@ class MarginalFit:
 
         For recordings other than those that it was fitted to; `others`: sizes to begin with beside its own.
         """
-        order = [name for name in ORDER if name != "fast" or self.minimum.fast]
-        sizes, value = chosen(self.gram, (self.sizes, *others), order, all_starts=False)
+        sizes, value = chosen(self.gram, (self.sizes, *others), ORDER, all_starts=False)
         return MarginalFit(self.marginal, replace(self.minimum, sizes=sizes, converged=False), value, self._gram)
 
     @property
@@ -238,10 +235,10 @@ def fit(
     It ends where the evidence was largest: far from any minimum, where little is explained, the errors that are
     expected where a descent ends may be quite others than those with which it began.
     """
-    fast, order = "fast" not in barred, [name for name in ORDER if name not in barred]
+    order = [name for name in ORDER if name not in barred]
     starts = _without(barred, starts)
     sizes = starts[0]
-    now = best = _Round.before(marginal, x, sizes, fast)
+    now = best = _Round.before(marginal, x, sizes)
     converged, held, before, idle, steps = False, False, np.inf, 0, 0
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not (fixed or held):
@@ -250,7 +247,7 @@ def fit(
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
-        last, now = now, now.next(sizes, fast, CLOSE if compared else NEAR)
+        last, now = now, now.next(sizes, CLOSE if compared else NEAR)
         steps += now.steps
         if now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
             # The quadratic expansion by which these were chosen promised more than it kept.
@@ -270,7 +267,7 @@ def fit(
     if best.worth > now.worth + _SETTLED:
         now, sizes, converged = best, best.sizes, False
     marginal = now.marginal
-    minimum = Minimum(now.x, sizes, fast, converged, marginal.corrections, marginal.means, steps)
+    minimum = Minimum(now.x, sizes, converged, marginal.corrections, marginal.means, steps)
     return MarginalFit(marginal, minimum, now.made.value(sizes), now.made)
 
 
@@ -280,7 +277,7 @@ def _without(barred: Collection[str], some: Sequence[ErrorSizes]) -> tuple[Error
 
 
 def _gram_at(marginal: Marginal, minimum: Minimum) -> Gram:
-    return marginal.gram(minimum.x, marginal.columns(minimum.x, fast=minimum.fast))
+    return marginal.gram(minimum.x, marginal.columns(minimum.x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,17 +294,17 @@ class _Round:
     steps: int = STEPS
 
     @classmethod
-    def before(cls, marginal: Marginal, x: Reals, sizes: ErrorSizes, fast: bool) -> Self:
+    def before(cls, marginal: Marginal, x: Reals, sizes: ErrorSizes) -> Self:
         """Return where the first round begins."""
-        columns = marginal.columns(x, fast=fast)
+        columns = marginal.columns(x)
         marginal = marginal.centred(columns.means)
         return cls(marginal, x, sizes, marginal.gram(x, columns), np.zeros(len(columns.parts)))
 
-    def next(self, sizes: ErrorSizes, fast: bool, close: float) -> Self:
+    def next(self, sizes: ErrorSizes, close: float) -> Self:
         """Descend with these sizes of the errors to `close` to the minimum."""
         begun = JointPoint.at(self.marginal, self.x, self.made.columns, sizes, self.a)
         end, steps = descend(begun, close=close)
-        made = end.marginal.gram(end.x, end.marginal.columns(end.x, fast=fast))
+        made = end.marginal.gram(end.x, end.marginal.columns(end.x))
         a = end.a if made.columns.parts == end.held.columns.parts else np.zeros(len(made.columns.parts))
         return type(self)(end.marginal, end.x, sizes, made, a, steps)
 

@@ -36,6 +36,8 @@ ROUGH_FLOOR = 0.5
 
 FEW_SMOOTH, FEW_PATH, FEW_SLOW, FEW_FAST, FEW_SHAPE = 5, 3, 5, 14, 4
 """Number of functions kept for each process; the neglected variance is below 1e-3 over a decade."""
+OF_INSTRUMENT = ("slow", SLOW, FEW_SLOW), ("fast", FAST, FEW_FAST)
+"""Parts of the instrument's error, with correlation length and number of functions of each."""
 
 TAUS = (0.0, 3e-5, 1e-4, 3e-4, 1e-3)
 """Standard deviation of the smooth relative error of a constant."""

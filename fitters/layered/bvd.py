@@ -91,19 +91,14 @@ def _price(descent: Descent, sigma: Reals) -> float:
     return numbers * float(np.log(max(chi2, 1.0))) + descent.x.size * float(np.log(numbers))
 
 
-def _wired(descent: Descent) -> bool:
-    """Return whether the circuit was fitted with wires."""
-    return "series.L" in descent.objective.coordinates.parameters
-
-
-def _grown(sweep: Sweep, best: Descent, sigma: Reals, progress: Callable[[str], None]) -> Descent:
+def _grown(sweep: Sweep, best: Descent, sigma: Reals, progress: Callable[[str], None], *, wired: bool) -> Descent:
     """Add branches one by one, each where the residual has a line, while the evidence increases."""
     price = _price(best, sigma)
     while (count := len(_circuit(best).branches)) < _MOST:
         progress(f"trying {count + 1} resonances")
         circuit = _circuit(best)
         lines = _further(sweep, circuit, sigma)
-        trials = [trial for one in lines if (trial := _with(sweep, circuit, one, sigma, wired=_wired(best)))]
+        trials = [trial for one in lines if (trial := _with(sweep, circuit, one, sigma, wired=wired))]
         now, found = min(trials, key=lambda trial: trial[0], default=(price, best))
         if now >= price:
             break
@@ -172,7 +167,8 @@ class ButterworthVanDyke:
         of theirs. Raises FitError for more than one recording, or one without a resonance pair.
         """
         began = time.perf_counter()
-        step, sweep, noise, best = _fitted(task, progress)
+        step, sweep, noise, sigma = _posed(task, progress)
+        best = _fitted(sweep, sigma, progress)
         coordinates = best.objective.coordinates
         result = estimate(best)
         fitted, _ = coordinates.forward(best.x)
@@ -217,16 +213,16 @@ class ButterworthVanDyke:
         It has no branches in place of wires, which the diagnosis looks for: where a circuit behind wires needs fewer
         and describes the recording better, it is that one, without its wires.
         """
-        step, sweep, _, best = _fitted(task, progress)
-        sigma = best.objective.recordings[0].noise
-        behind = _fitted(task, progress, wired=True)[-1]
-        if len(_circuit(behind).branches) < len(_circuit(best).branches) and _price(behind, sigma) < _price(
-            best, sigma
-        ):
-            best = behind
+        step, sweep, _, sigma = _posed(task, progress)
+        best = wireless = _fitted(sweep, sigma, progress)
+        count = len(_circuit(best).branches)
+        if count > 1:
+            behind = _fitted(sweep, sigma, progress, wired=True)
+            if len(_circuit(behind).branches) < count and _price(behind, sigma) < _price(best, sigma):
+                best = behind
         circuit = replace(_circuit(best), R=0.0, L=0.0)
         ordered = tuple(circuit.branches[k - 1] for k in _strongest_first(best))
-        if ordered != circuit.branches or best is behind:
+        if ordered != circuit.branches or best is not wireless:
             best = _descend(sweep, replace(circuit, branches=ordered), sigma)
         before = best.objective
         recordings = [replace(recording, step=step) for recording in before.recordings]
@@ -234,20 +230,23 @@ class ButterworthVanDyke:
         return FittedModel(best, equivalent_plate(_DEVICE, circuit.C0, ordered[0].fs), _UNITS)
 
 
-def _fitted(
-    task: FitTask, progress: Callable[[str], None], *, wired: bool = False
-) -> tuple[str, Sweep, Noise, Descent]:
-    """Return the step, its one recording with its noise, and the fit, `wired` behind R and L. Raises FitError."""
+def _posed(task: FitTask, progress: Callable[[str], None]) -> tuple[str, Sweep, Noise, Reals]:
+    """Return the step, its one recording, and its noise, in all and at each point. Raises TaskError."""
     sweeps = [(step, sweep) for step, of_step in task.sweeps.items() for sweep in of_step]
     if len(sweeps) != 1:
         raise TaskError(f"`bvd` fits one recording; {len(sweeps)} were given")
     step, sweep = sweeps[0]
     noise, (sigma,) = noise_of([sweep])
     progress(f"fitting {step}")
+    return step, sweep, noise, sigma
+
+
+def _fitted(sweep: Sweep, sigma: Reals, progress: Callable[[str], None], *, wired: bool = False) -> Descent:
+    """Return the fit of a circuit, `wired`: behind R and L. Raises FitError."""
     descents = [_descend(sweep, start, sigma, wired=wired) for start in _starts(sweep)]
     first = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
-    best = _grown(sweep, first, sigma, progress)
-    return step, sweep, noise, replace(best, evaluations=sum(descent.evaluations for descent in descents))
+    best = _grown(sweep, first, sigma, progress, wired=wired)
+    return replace(best, evaluations=sum(descent.evaluations for descent in descents))
 
 
 def _says(chi2_per_dof: float, rms_log_error: float, branches: int) -> tuple[str, ...]:

@@ -100,7 +100,7 @@ def _shared(
     columns = one.fit.gram.columns
     keys: list[str] = []
     blocks: list[list[Complexes]] = [[] for _ in problem.recordings]
-    for part, length, most in (("slow", scales.SLOW, scales.FEW_SLOW), ("fast", scales.FAST, scales.FEW_FAST)):
+    for part, length, most in scales.OF_INSTRUMENT:
         bases = [smooth(np.log(r.sweep.frequency), ends, length, most) for r in problem.recordings]
         for own, basis, recording in zip(blocks, bases, problem.recordings, strict=True):
             size = accuracy_of(recording.sweep)

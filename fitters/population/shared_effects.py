@@ -505,7 +505,7 @@ def _largest_errors(beside: Mapping[str, tuple[float, float]], ends: tuple[float
     """Return the largest gain and phase error in the band."""
     u = np.linspace(*ends, 200)
     curves = {"gain": np.zeros(200), "phase": np.zeros(200)}
-    for part, length, most in (("slow", scales.SLOW, scales.FEW_SLOW), ("fast", scales.FAST, scales.FEW_FAST)):
+    for part, length, most in scales.OF_INSTRUMENT:
         basis = smooth(u, ends, length, most) * scales.INSTRUMENT
         for side, curve in curves.items():
             curve += basis @ [  # noqa: PLW2901 (in place)

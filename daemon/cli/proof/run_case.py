@@ -13,21 +13,16 @@ def diagnose_case(folder: Path, effects: Sequence[str] | None = None) -> dict[st
 
     `effects` are the candidates; None stands for the whole catalogue. An error is returned under `error`.
     """
-    from ....drivers.recordings import read_recording
     from ....fitters.diagnosis.diagnose import diagnose
-    from ....fitters.interface import FitTask
-    from ....models.sweep import Sweep
-    from ...files.builds.build_file import read_build
     from ...report.tables.diagnosis_output import diagnosis_json
-    from ...samples.sample_selection import in_order
+    from ...samples.sample_selection import folder_sample
 
     began = time.perf_counter()
+    sample = folder_sample(folder)
+    if sample.job is None:
+        return {"error": sample.error, "seconds": time.perf_counter() - began}
     try:
-        sweeps: dict[str, tuple[Sweep, ...]] = {}
-        for file in in_order(folder.glob("*.csv")):
-            step = file.stem.split("-")[0]
-            sweeps[step] = (*sweeps.get(step, ()), read_recording(file))
-        diagnosis = diagnosis_json(diagnose(FitTask(read_build(folder / "build.toml"), sweeps), effects))
+        diagnosis = diagnosis_json(diagnose(sample.job.task, effects))
     except PzctlError as error:
         return {"error": str(error), "seconds": time.perf_counter() - began}
     return {**diagnosis, "seconds": time.perf_counter() - began}

@@ -44,7 +44,6 @@ class GreedySearch(FittedHypotheses):
     twins: dict[Candidate, tuple[Candidate, ...]] = field(default_factory=dict[Candidate, tuple[Candidate, ...]])
     cut_short: bool = False
     """Whether the search has ended at its budget."""
-    _begun: bool = False
     _whole: Problem | None = None
     """The problem with all recorded points, while the search is done with fewer."""
     _likely: Candidate | None = None
@@ -55,18 +54,16 @@ class GreedySearch(FittedHypotheses):
 
         Dense recordings are condensed; what is likely in the end is fitted to all points.
         """
-        self.try_each_alone()
+        self._try_each_alone()
         self._extend()
         if self._whole is not None:
             self.fit_again(replace(self._whole, lines=self.problem.lines), LIKELY)
             self.polish()
         return self.probable[0]
 
-    def try_each_alone(self) -> None:
-        """Fit the most promising effects alone, each kind at least once; unless that was done before."""
-        if self._begun:
-            return
-        self._begun, null, whole = True, self.begin(), self.problem
+    def _try_each_alone(self) -> None:
+        """Fit the most promising effects alone, each kind at least once."""
+        null, whole = self.begin(), self.problem
         few = condensed(whole, null.fit.sizes.colour)
         if few is not whole:
             self._whole, self.problem, self.found = whole, replace(few, values=null.values), {}
