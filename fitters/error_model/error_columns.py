@@ -1,6 +1,6 @@
 """The error model as columns of d ln Z with unit normal prior: instrument, fixture, model constants, effects."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, TypeVar
 
@@ -204,10 +204,12 @@ def columns_of(
     lines: Sequence[WeakLine] = (),
     *,
     means: Mapping[str, Reals] | None = None,
+    in_time: Collection[str] = (),
 ) -> ErrorColumns:
     """Return all columns over all recordings of a session, which has one instrument and one fixture.
 
     `means`: those of the smooth functions where a fit began, so that a coefficient means the same in all of it.
+    `in_time`: shapes whose errors are smooth in time.
     """
     edges = [np.log(place.recording.sweep.frequency[[0, -1]]) for place in places]
     ends = float(min(e[0] for e in edges)), float(max(e[1] for e in edges))
@@ -236,7 +238,7 @@ def columns_of(
     centres = _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH), means or {})
     _uneven(add, places)
     _formula(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
-    _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE))
+    _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE), in_time)
     for one in held:
         of = _at(places, one.columns)
         everywhere = tuple(np.full(place.Z.size, complex(one.relative)) for place in places)
@@ -387,14 +389,27 @@ def _mean(functions: Sequence[Reals], weights: Sequence[Complexes]) -> Reals:
     return sum(((np.abs(w) ** 2) @ b for b, w in zip(functions, weights, strict=True)), mean) / total
 
 
-def _shapes(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:
-    """Add smooth errors of the effects' own formulas."""
-    of = _at(places, functions)
+def _shapes(
+    add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals], in_time: Collection[str]
+) -> None:
+    """Add smooth errors of the effects' own formulas; a course in time has real ones."""
+    of, over_time = _at(places, functions), _at(places, _over_time(places)) if in_time else {}
     for name in dict.fromkeys(name for place in places for name in place.shapes):
-        own = {id(p): p.shapes.get(name, np.zeros(p.Z.size, np.complex128)) for p in places}
-        for k in range(functions[0].shape[1]):
-            for unit in (1.0, 1j):
-                add("shape", 0.0, lambda p, k=k, unit=unit, own=own: scales.SHAPE * unit * own[id(p)] * of[id(p)][:, k])
+        own = {id(p): scales.SHAPE * p.shapes.get(name, np.zeros(p.Z.size, np.complex128)) for p in places}
+        smooth_in, units = (over_time, (1.0,)) if name in in_time else (of, (1.0, 1j))
+        for k in range(smooth_in[id(places[0])].shape[1]):
+            for unit in units:
+                add("shape", 0.0, lambda p, k=k, unit=unit, own=own, by=smooth_in: unit * own[id(p)] * by[id(p)][:, k])
+
+
+def _over_time(places: Sequence[LinearisedRecording]) -> list[Reals]:
+    """Return smooth functions of ln(1 + time in sweeps) for each recording, shape (N, K)."""
+    times = [
+        np.log1p(p.recording.model.conditions.elapsed(p.Z.size) if isinstance(p.recording.model, Device) else 0 * p.Z)
+        for p in places
+    ]
+    ends = float(min(np.min(t) for t in times)), float(max(np.max(t) for t in times))
+    return [smooth(t, ends, scales.SHAPE_LENGTH, scales.FEW_SHAPE) for t in times]
 
 
 def _formula(add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals]) -> None:

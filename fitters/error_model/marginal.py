@@ -38,6 +38,8 @@ class FormulaError:
     """Coordinates that it acts through, each with the function d coordinate / d ln parameter."""
     rough: bool
     """Whether also from one line's width of frequency to the next, and not only smoothly."""
+    in_time: bool = False
+    """Whether it is smooth in the time of the sweeps, and not in frequency."""
 
 
 Shapes = Mapping[str, FormulaError]
@@ -124,7 +126,8 @@ class Marginal:
             rough = [shapes[name] for name, error in self.shapes.items() if error.rough]
             places.append(place_of(replace(recording, model=model), shapes, rough, self._in_series(recording)))
         held = self._held(x)
-        made = columns_of(places, held, self.lines, means=self.means)
+        in_time = frozenset(name for name, error in self.shapes.items() if error.in_time)
+        made = columns_of(places, held, self.lines, means=self.means, in_time=in_time)
         if self.corrections is None:
             return made
         absorbed = [self._absorbed(place) for place in places]
@@ -262,6 +265,7 @@ def _shapes_of(objective: Objective, searched: Shapes) -> Shapes:
         one.prefix: FormulaError(
             tuple((name, lambda _: 1.0) for name in list(one.parameters())[: one.effect.sizes] if name in free),
             one.effect.errs_roughly,
+            one.effect.errs_in_time,
         )
         for one in added
     }

@@ -138,11 +138,11 @@ def formula_errors(effects: Sequence[Candidate]) -> dict[str, FormulaError]:
     made: dict[str, FormulaError] = {}
     for one in effects:
         sizes = dict(one.sizes)
-        rough = one.effect.errs_roughly
-        made[one.prefix] = FormulaError(tuple((name, _per_log(knob)) for name, knob in sizes.items()), rough)
+        how = one.effect.errs_roughly, one.effect.errs_in_time
+        made[one.prefix] = FormulaError(tuple((name, _per_log(knob)) for name, knob in sizes.items()), *how)
         for name, knob in zip(one.parameters, one.effect_parameters, strict=True):
             if knob.varies and name not in sizes:
-                made[name] = FormulaError(((name, _per_log(knob)),), rough)
+                made[name] = FormulaError(((name, _per_log(knob)),), *how)
     return made
 
 

@@ -112,6 +112,9 @@ class Effect(ABC):
     or in the thickness does near resonances. Circuits at the terminals, laws of a material and loads of a whole face
     are smooth: constants absorb most of what these do, and a rough error of all that would explain anything."""
 
+    errs_in_time: ClassVar[bool] = False
+    """Whether its formula is a course in time, from which a device may deviate smoothly in time, not in frequency."""
+
     from_later_step: ClassVar[bool] = False
     """Whether it is a change since the first step, which therefore does not have it."""
 
