@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..base.arrays import Frequencies, Impedances
 from ..stack import Stack
-from .base.assembly import Assembly
+from .base.assembly import Assembly, Reading
 from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 
 
@@ -28,12 +27,8 @@ class Polarity(Effect):
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as recorded, for values `inverted` and `conjugated` of 0 (default) or 1."""
-        written = assembly.recorded(_inverted) if values.get("inverted") else assembly
+        written = assembly.recorded(Reading(lambda _: -1.0)) if values.get("inverted") else assembly
         return replace(written, conjugated=assembly.conjugated != bool(values.get("conjugated")))
-
-
-def _inverted(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-    return -Z
 
 
 EFFECT = Polarity()

@@ -1,17 +1,19 @@
 """`sweep-lag`: the sweep is faster than the resonance settles (bandwidth too wide for Q)."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.arrays import Frequencies, Impedances
+from ..base.arrays import Complexes, Frequencies, Reals
 from ..stack import Stack
-from .base.assembly import Assembly
+from .base.assembly import Assembly, Record
 from .base.effect import SWEEP, Effect, EffectParameter, Stage
 from .base.scale import resonance
 
-_AGO, _WEIGHTS = np.polynomial.laguerre.laggauss(6)
-"""Delays in time constants, and weights of the exponential memory (Gauss-Laguerre quadrature)."""
+_MANY, _FEW = np.polynomial.laguerre.laggauss(6), np.polynomial.laguerre.laggauss(3)
+"""Delays in time constants, and weights of the exponential memory (Gauss-Laguerre quadrature): for readings, and for
+their derivatives."""
 
 
 class SweepLag(Effect):
@@ -53,17 +55,42 @@ class SweepLag(Effect):
         if lag == 0:
             return assembly
 
-        ago = np.array([*([1.0] if memory < 1 else []), *(_AGO if memory > 0 else [])])
-        weights = np.array([*([1 - memory] if memory < 1 else []), *(memory * _WEIGHTS if memory > 0 else [])])
+        return assembly.recorded(_Late(lag, memory))
 
-        def late(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            behind = lag * device.conditions.rate(frequency)
-            then = np.maximum(frequency - ago[:, None] * behind, 0.5 * frequency)
-            # all at once: a stack takes hardly longer for many points than for few
-            read = weights @ (1 / device.steady(then.ravel())).reshape(then.shape)
-            return Z / (read * device.steady(frequency))
 
-        return assembly.recorded(late)
+@dataclass(frozen=True, eq=False)
+class _Late(Record):
+    """Readings of Y at frequencies passed a moment ago."""
+
+    lag: float
+    """Hz, of a sweep of the mean rate."""
+    memory: float
+
+    def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
+        """Return Z as read over Z, shape (N,)."""
+        then, weights = self._then(device, frequency, _MANY)
+        # all at once: a stack takes hardly longer for many points than for few
+        read = weights @ (1 / device.steady(then.ravel())).reshape(then.shape)
+        return 1 / (read * device.steady(frequency))
+
+    def slopes(self, device: Assembly, frequency: Frequencies, names: Sequence[str], at_rest: Complexes) -> Complexes:
+        """Return d ln factor / d parameter, shape (P, N)."""
+        then, weights = self._then(device, frequency, _FEW)
+        Z, slopes = device.steady_jacobian(then.ravel(), names)
+        Y, slopes = weights[:, None] / Z.reshape(then.shape), slopes.reshape(len(names), *then.shape)
+        return np.einsum("kn,pkn->pn", Y / np.sum(Y, axis=0), slopes) - at_rest
+
+    def _then(
+        self, device: Assembly, frequency: Frequencies, quadrature: tuple[Reals, Reals]
+    ) -> tuple[Frequencies, Reals]:
+        """Return the frequencies that count at each point, shape (K, N), and their weights, shape (K,)."""
+        ago, weights = quadrature
+        ago = np.array([*([1.0] if self.memory < 1 else []), *(ago if self.memory > 0 else [])])
+        weights = np.array(
+            [*([1 - self.memory] if self.memory < 1 else []), *(self.memory * weights if self.memory > 0 else [])]
+        )
+        behind = self.lag * device.conditions.rate(frequency)
+        return np.maximum(frequency - ago[:, None] * behind, 0.5 * frequency), weights
 
 
 EFFECT = SweepLag()

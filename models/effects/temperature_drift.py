@@ -1,22 +1,17 @@
 """`temperature-drift`: the device drifts while the sweep runs, or between segments."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..base.arrays import Complexes, Frequencies, Impedances, Reals
-from ..stack import Stack
-from .base.assembly import Assembly, ParallelSection
+from ..base.arrays import Complexes, Frequencies, Reals
+from ..stack import Piezo, Stack
+from .base.assembly import Assembly, ParallelSection, Record
 from .base.effect import SWEEP, Effect, EffectParameter, Stage
+from .base.modified_laws import Factor
 from .base.scale import active
 
-_FEW, _MANY = 3, 6
-"""Number of instants at which the drifting device is evaluated; between them ln Z is a polynomial in time."""
-_OVER = 1e-9
-"""Part of the drift below which nothing more of it happens during a sweep: one instant stands for all."""
-_SLIGHT = 0.05
-"""Largest drift, in half linewidths, for which few instants suffice."""
 _STEADY = 1e3
 """Time constant, in sweeps, of a drift that is steady."""
 
@@ -30,6 +25,7 @@ class TemperatureDrift(Effect):
     name = "temperature-drift"
     stage = Stage.ACQUISITION
     sizes = 2
+    errs_in_time = True
     says = "The device drifted while the sweep ran: the later points belong to a warmer (or colder) device."
     separates = "sweep up and down, or wait until two sweeps agree"
     references = ("left-out physics 4.4; vendors state 50-1200 ppm/K for the resonance of soft PZT",)
@@ -56,54 +52,55 @@ class TemperatureDrift(Effect):
         if speed == 0 and permittivity == 0:
             return assembly
 
-        def drifting(device: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            tau = np.expm1(-device.conditions.elapsed(frequency.size) / time) / np.expm1(-1 / time)
-            drifts = _drifts(device.nominal, 2 * speed, permittivity)
-            nodes = np.polynomial.chebyshev.chebpts1(_instants(device.nominal, speed, np.ptp(tau)))
-            instants = np.mean([tau[0], tau[-1]]) + nodes * np.ptp(tau) / 2
-
-            def at(instant: float) -> Impedances:
-                factors = [1 + relative * instant for relative in drifts.values()]
-                moved = tuple(_moved(part, list(drifts), factors) for part in device.parts)
-                return replace(device, parts=moved).steady(frequency)
-
-            steady = Z if len(device.records) == 1 else device.steady(frequency)
-            courses = np.array([np.log(at(float(instant)) / steady) for instant in instants])
-            return Z * np.exp(_between(tau, instants, courses))
-
-        return assembly.recorded(drifting)
+        return assembly.recorded(_Drifting(2 * speed, permittivity, time))
 
 
-def _instants(stack: Stack, speed: float, lasting: float) -> int:
-    """Return the number of instants needed for the drift of the lines in half widths."""
-    if lasting < _OVER:
-        return 1
-    c33D = active(stack).c33D
-    return _FEW if abs(speed) * lasting < _SLIGHT * c33D.imag / (2 * c33D.real) else _MANY
+@dataclass(frozen=True, eq=False)
+class _Drifting(Record):
+    """Every point is that of a device at its own instant: constants that depend on frequency in this sweep."""
+
+    stiffness: float
+    """Relative change over the step's first sweep."""
+    permittivity: float
+    time: float
+    """Time constant, in durations of that sweep."""
+
+    def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
+        """Return Z as recorded over Z, shape (N,)."""
+        steady = device.steady(frequency)
+        return self._moved(device, frequency).steady(frequency) / steady
+
+    def slopes(self, device: Assembly, frequency: Frequencies, names: Sequence[str], at_rest: Complexes) -> Complexes:
+        """Return d ln factor / d parameter, shape (P, N)."""
+        return self._moved(device, frequency).steady_jacobian(frequency, names)[1] - at_rest
+
+    def _moved(self, device: Assembly, frequency: Frequencies) -> Assembly:
+        """Return the device with what its constants are at each point."""
+        tau = np.expm1(-device.conditions.elapsed(frequency.size) / self.time) / np.expm1(-1 / self.time)
+        factors = _complex(1 + self.stiffness * tau), _complex(1 + self.permittivity * tau)
+        stiffness = f"{active(device.nominal).name}.c33D.re"
+
+        def moved(part: ParallelSection) -> ParallelSection:
+            # a layer that an effect has cut in two drifts as a whole
+            own = {name.partition(".")[0] for _, name, _ in part.moved_by([stiffness])}
+            return replace(part, stack=_with_factors(part.stack, own, *factors))
+
+        return device.with_parts(tuple(map(moved, device.parts)))
 
 
-def _moved(part: ParallelSection, names: Sequence[str], factors: Sequence[float]) -> ParallelSection:
-    """Return the part with these parameters times their factors."""
-    now = part.stack.parameters()
-    moved = {parameter: now[parameter] * factors[k] for k, parameter, _ in part.moved_by(names)}
-    return replace(part, stack=part.stack.replace(moved))
+def _with_factors(stack: Stack, names: Collection[str], stiffness: Complexes, permittivity: Complexes) -> Stack:
+    """Return a stack whose piezoelectric layers of these names have constants times these factors, shape (N,)."""
+    layers = (
+        replace(layer, c_law=Factor(layer.c_law, stiffness), eps_law=Factor(layer.eps_law, permittivity))
+        if isinstance(layer, Piezo) and layer.name in names
+        else layer
+        for layer in stack.layers
+    )
+    return replace(stack, layers=tuple(layers))
 
 
-def _between(tau: Reals, instants: Reals, courses: Complexes) -> Complexes:
-    """Interpolate `courses`, shape (K, N), given at K instants, to each point's own instant tau, shape (N,)."""
-    interpolated = np.zeros(tau.size, np.complex128)
-    for k, course in enumerate(courses):
-        others = np.delete(instants, k)
-        interpolated += course * np.prod((tau[:, None] - others) / (instants[k] - others), axis=1)
-    return interpolated
-
-
-def _drifts(stack: Stack, stiffness: float, permittivity: float) -> dict[str, float]:
-    """Return the relative drift of each parameter; both parts of a complex constant drift alike."""
-    piezo = active(stack).name
-    return {f"{piezo}.c33D.{part}": stiffness for part in ("re", "im")} | {
-        f"{piezo}.eps33S.{part}": permittivity for part in ("re", "im")
-    }
+def _complex(values: Reals) -> Complexes:
+    return np.asarray(values, np.complex128)
 
 
 EFFECT = TemperatureDrift()

@@ -10,6 +10,7 @@ import numpy as np
 
 from ....models.base.arrays import Complexes, Frequencies, Impedances
 from ....models.effects import Assembly, Effect, EffectParameter
+from ....models.effects.base.assembly import Reading
 from ....models.effects.base.effect import Stage
 from ....models.effects.base.scale import resonance
 from ....models.stack import Stack
@@ -60,13 +61,13 @@ class RangeStep(InstrumentArtefact):
         """Return the device as an analyzer with this step records it."""
         change = complex(values["gain"], values["phase"])
 
-        def stepped(_: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
+        def stepped(frequency: Frequencies) -> Complexes:
             # a ramp one point wide instead of a jump, so that the frequency has a derivative and the fit can
             # move it
             beyond = (frequency - values["frequency"]) / float(np.mean(np.diff(frequency)))
-            return Z * np.exp(change * np.clip(beyond + 0.5, 0.0, 1.0))
+            return np.exp(change * np.clip(beyond + 0.5, 0.0, 1.0))
 
-        return assembly.recorded(stepped)
+        return assembly.recorded(Reading(stepped))
 
 
 class PhaseError(InstrumentArtefact):
@@ -89,10 +90,10 @@ class PhaseError(InstrumentArtefact):
         """Return the device as an analyzer with this phase error records it."""
         f0 = resonance(assembly.nominal)
 
-        def turned(_: Assembly, frequency: Frequencies, Z: Impedances) -> Impedances:
-            return Z * np.exp(1j * values["phase"] * (frequency / f0) ** values["power"])
+        def turned(frequency: Frequencies) -> Complexes:
+            return np.asarray(np.exp(1j * values["phase"] * (frequency / f0) ** values["power"]), np.complex128)
 
-        return assembly.recorded(turned)
+        return assembly.recorded(Reading(turned))
 
 
 class CoupledLoop(InstrumentArtefact):

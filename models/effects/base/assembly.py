@@ -5,6 +5,7 @@ different parts of the face); an additional resonance adds admittance; an effect
 analyzer sees; an effect of the sweep maps that to what is recorded over time.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, runtime_checkable
@@ -14,7 +15,7 @@ import numpy as np
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...base.model import Model
 from ...stack import LossLaw, Stack, Strips
-from ...stack.loss_laws import LawKind
+from ...stack.loss_laws import ComplexLike, LawKind
 
 
 @dataclass(frozen=True)
@@ -178,6 +179,10 @@ class Assembly:
         """Return the assembly with every stack changed."""
         return replace(self, parts=tuple(replace(part, stack=change(part.stack)) for part in self.parts))
 
+    def with_parts(self, parts: tuple[ParallelSection, ...]) -> Self:
+        """Return the assembly with other parts, and a memory of its own."""
+        return replace(self, parts=parts, _known=[])
+
     @property
     def shaped_by(self) -> frozenset[str]:
         """Parameters of distributions of thickness, by which `steady_jacobian` gives derivatives, too."""
@@ -213,8 +218,23 @@ class Assembly:
         """Return the recorded impedance of a device whose steady impedance is known."""
         seen = steady
         for record in self.records:
-            seen = record(self, frequency, seen)
+            seen = seen * record.factor(self, frequency)
         return np.conj(seen) if self.conjugated else seen
+
+    def slopes_recorded(self, frequency: Frequencies, names: Sequence[str], at_rest: Complexes) -> Complexes:
+        """Return d ln Z / d parameter of the device as recorded, shape (P, N); `at_rest`: of the steady device."""
+        return at_rest + sum(record.slopes(self, frequency, names, at_rest) for record in self.records)
+
+    def as_recorded(self, moved: Self, frequency: Frequencies) -> Complexes | None:
+        """Return what recording adds to the change of ln Z to a slightly different device, shape (N,); first order.
+
+        None if that is recorded by a sweep of another kind.
+        """
+        if len(self.records) != len(moved.records):
+            return None
+        pairs = zip(self.records, moved.records, strict=True)
+        nothing = np.zeros(frequency.size, np.complex128)
+        return sum((own.change(self, other, moved, frequency) for own, other in pairs), nothing)
 
     def steady(self, frequency: Frequencies) -> Impedances:
         """Return the impedance in an infinitely slow sweep: all stages but the last, ohm, shape (N,)."""
@@ -305,5 +325,52 @@ class Assembly:
         return self._seen(frequency, within, moved[None])[1][0]
 
 
-Record = Callable[[Assembly, Frequencies, Impedances], Impedances]
-"""Maps (device, Hz, steady Z) to the impedance recorded during a sweep; shapes (N,)."""
+@dataclass(frozen=True, eq=False)
+class Record(ABC):
+    """What a sweep makes of a device: its readings are the steady impedances times a factor."""
+
+    _last: list[tuple[Assembly, Frequencies, Complexes]] = field(
+        default_factory=list[tuple[Assembly, Frequencies, Complexes]], init=False, repr=False
+    )
+    """One-entry cache of the factor, by device and frequency."""
+
+    def factor(self, device: Assembly, frequency: Frequencies) -> Complexes:
+        """Return the recorded impedance over the steady one, shape (N,)."""
+        for last, where, known in self._last:
+            if last is device and where is frequency:
+                return known
+        made = self.computed(device, frequency)
+        if not frequency.flags.writeable:
+            self._last[:] = [(device, frequency, made)]
+        return made
+
+    @abstractmethod
+    def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
+        """Return the factor, shape (N,)."""
+
+    @abstractmethod
+    def slopes(self, device: Assembly, frequency: Frequencies, names: Sequence[str], at_rest: Complexes) -> Complexes:
+        """Return d ln factor / d parameter of the device's model; `at_rest` is that of the steady Z, shape (P, N)."""
+
+    def change(self, device: Assembly, other: "Record", moved: Assembly, frequency: Frequencies) -> Complexes:
+        """Return the change of ln factor, to first order, to that of a slightly different sweep or device, shape (N,).
+
+        `other`: the record of the device that has `moved`.
+        """
+        return other.computed(moved, frequency) / self.factor(device, frequency) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Reading(Record):
+    """A fault of the instrument, whatever the device is."""
+
+    of: Callable[[Frequencies], ComplexLike]
+    """Hz, shape (N,), to the factor."""
+
+    def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
+        """Return the factor, shape (N,)."""
+        return np.broadcast_to(np.asarray(self.of(frequency), np.complex128), frequency.shape)
+
+    def slopes(self, device: Assembly, frequency: Frequencies, names: Sequence[str], at_rest: Complexes) -> Complexes:
+        """Return zero."""
+        return np.zeros_like(at_rest)

@@ -12,7 +12,7 @@ from ...base.model import Model
 from ...base.names import require
 from ...stack import Stack
 from .assembly import Assembly, Conditions, ParallelSection
-from .effect import Effect, EffectParameter, Stage
+from .effect import Effect, EffectParameter
 
 _STEP = 1e-6
 """Step of derivatives by a parameter, in typical sizes; a one-sided difference is accurate to about as much."""
@@ -123,17 +123,16 @@ class Device:
 
         Exact for the model's parameters and those of a distribution of thickness; a difference quotient for others of
         effects, on the allowed side of a limit.
-        Effects of the sweep are small, so derivatives by other parameters are those of the steady device.
         """
         require(names, self.parameters(), "the device")
         inner = {*self.bare.parameters(), *self.assembly.shaped_by}
-        steady, slopes = self.assembly.steady_jacobian(frequency, [name for name in names if name in inner])
+        own = [name for name in names if name in inner]
+        steady, at_rest = self.assembly.steady_jacobian(frequency, own)
         Z = self.assembly.while_recorded(frequency, steady)
-        rows = iter(slopes)
+        rows = iter(self.assembly.slopes_recorded(frequency, own, at_rest))
         mirror = np.conj if self.assembly.conjugated else np.asarray
-        at_rest = mirror(steady)
         derivatives = [
-            mirror(next(rows)) if name in inner else self._by_knob(name, frequency, at_rest, Z) for name in names
+            mirror(next(rows) if name in inner else self._by_knob(name, frequency, steady)) for name in names
         ]
         return Z, np.array(derivatives, np.complex128).reshape(len(names), frequency.size)
 
@@ -196,23 +195,20 @@ class Device:
             for name, value in added_effect.values.items()
         }
 
-    def _by_knob(self, name: str, frequency: Frequencies, at_rest: Impedances, Z: Impedances) -> Complexes:
-        """Return d ln Z / d parameter, in a physical direction; 0 for a flag. `at_rest` is the steady impedance."""
+    def _by_knob(self, name: str, frequency: Frequencies, steady: Impedances) -> Complexes:
+        """Return d ln Z / d parameter, in a physical direction; 0 for a flag. Before the recording is conjugated."""
         added_effect = next(added_effect for added_effect in self.added if name.startswith(added_effect.prefix))
         parameter = name.removeprefix(added_effect.prefix)
         knob, value = self._knobs[added_effect.prefix].get(parameter), added_effect.values[parameter]
         if knob is None:
-            return np.zeros_like(Z)
+            return np.zeros_like(steady)
         step = small_step(knob, value)
-        moved = self.replace({name: value + step})
-        by_laws = self._by_laws(moved, frequency) if added_effect.effect.of_laws else None
-        if by_laws is not None:
-            return by_laws / complex(step)
-        if added_effect.effect.stage is Stage.ACQUISITION:
-            return (moved.impedance(frequency) / Z - 1) / complex(step)
-        return (moved.steady_impedance(frequency) / at_rest - 1) / complex(step)
-
-    def _by_laws(self, moved: Self, frequency: Frequencies) -> Complexes | None:
-        """Return ln Z of a device with slightly different laws less that of this one; None if that is not known."""
-        change = self.assembly.moved_by_laws(frequency, moved.assembly)
-        return np.conj(change) if change is not None and self.assembly.conjugated else change
+        moved, own = self.replace({name: value + step}).assembly, self.assembly
+        change = own.moved_by_laws(frequency, moved) if added_effect.effect.of_laws else None
+        if change is None:
+            change = moved.steady(frequency) / steady - 1
+        recorded = own.as_recorded(moved, frequency)
+        if recorded is None:
+            factors = moved.while_recorded(frequency, steady) / own.while_recorded(frequency, steady)
+            recorded = (np.conj(factors) if own.conjugated else factors) - 1
+        return (change + recorded) / complex(step)

@@ -19,7 +19,7 @@ from ...stack.lumps import Gap, Weight
 from ...stack.row import Joins
 from ...stack.stack import Layer
 from ..base.added_layer import with_layer_between
-from ..base.assembly import Assembly
+from ..base.assembly import Assembly, Reading
 from ..base.effect import FACES, TERMINALS, Stage, interface_at, interfaces, layer_at
 from ..base.modified_laws import Multiple, with_stiffness_law
 from ..base.modified_loads import CorrectedLoad, SupportedLoad, is_backing
@@ -115,7 +115,7 @@ def load_at(stack: Stack, where: str) -> Load:
 def corrected(assembly: Assembly, place: Place, g: Correction) -> Assembly:
     """Return the device with this correction."""
     if place.quantity == "reading":
-        return assembly.recorded(lambda _, frequency, Z: Z * (1 + g(frequency)))
+        return assembly.recorded(Reading(lambda frequency: 1 + g(frequency)))
     if place.quantity == "series":
         z0 = reactance(assembly.nominal)
         return assembly.behind(lambda jw, Z: (Z + z0 * g(jw.imag / (2 * np.pi)), np.ones_like(Z)))

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pzctl
-from pzctl.models.effects import Device, EffectError, catalogue, find_effect
+from pzctl.models.effects import Conditions, Device, EffectError, catalogue, find_effect
 from pzctl.models.effects.base.effect import Stage
 from pzctl.models.stack import AIR, CausalConstantQ, Elastic, HalfSpace, Piezo, Stack
 
@@ -26,6 +26,8 @@ WHERES = ("terminals", "sweep", "face:back", "face:front", "layer:", "interface:
 F = np.linspace(1e6, 15e6, 120)
 WIDE = np.geomspace(40.0, 110e6, 120)
 WEIGHTS, STEPS = np.array([-1, 9, -45, 45, -9, 1]) / 60, (-3, -2, -1, 1, 2, 3)
+APPROXIMATE = {"sweep-lag": 1e-2, "drive-nonlinearity": 1e-3}
+"""Accuracy of derivatives where the memory has few delays, or the softening is found by iteration."""
 LINEAR = [effect for effect in catalogue() if effect.stage < Stage.ACQUISITION]
 
 
@@ -64,8 +66,8 @@ def sizes(draw: st.DrawFn, device: Device, effect, where: str) -> dict[str, floa
 
 @st.composite
 def devices(draw: st.DrawFn, effects=LINEAR) -> Device:
-    """A stack with one to four different effects somewhere, in any order."""
-    device = Device(draw(stacks()))
+    """A stack with one to four different effects somewhere, in any order, swept upwards or downwards."""
+    device = Device(draw(stacks()), conditions=Conditions(draw(st.sampled_from(["up", "down"]))))
     for effect in draw(st.lists(st.sampled_from(effects), min_size=1, max_size=4, unique=True)):
         places = effect.places(device.bare)
         if places:
@@ -121,19 +123,21 @@ def differences(device: Device, name: str) -> tuple[np.ndarray, float]:
 
 
 @settings(deadline=None, max_examples=25)
-@given(devices())
+@given(devices(catalogue()))
 def test_derivatives_by_the_stacks_parameters_are_exact_with_any_effects(device: Device) -> None:
+    """A drifting, late or too strongly driven device, too: next to a line that has moved those at rest are far off."""
     names = list(device.bare.parameters())
+    within = max([1e-6, *(APPROXIMATE.get(one.effect.name, 0.0) for one in device.added)])
     _, J = device.jacobian(F, names)
     for name, row in zip(names, J, strict=True):
         expected, rounding = differences(device, name)
-        assert np.max(np.abs(expected - row)) < 1e-6 * np.max(np.abs(row)) + rounding, name
+        assert np.max(np.abs(expected - row)) < within * np.max(np.abs(row)) + rounding, name
 
 
 @settings(deadline=None, max_examples=60)
 @given(devices(catalogue()), st.randoms())
 def test_the_order_in_which_effects_are_added_does_not_matter(device: Device, random) -> None:
-    turned = Device(device.bare)
+    turned = Device(device.bare, conditions=device.conditions)
     for one in random.sample(device.added, len(device.added)):
         turned = turned.with_effect(one.effect, one.where, one.values)
     assert np.array_equal(turned.impedance(F), device.impedance(F))
