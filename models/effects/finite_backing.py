@@ -21,7 +21,8 @@ _DECAYS = (0.0, 3.0, 8.0)
 class FiniteBacking(Effect):
     """A layer with a free rear face: a ripple with the period 1/delay, as deep as the echo is strong, and its own loss.
 
-    Even without an echo its own loss makes it differ from a half-space with a real impedance.
+    Even without an echo its own loss makes it differ from a half-space with a real impedance. 1/Q follows a power of
+    frequency, and the speed of sound follows from that: over many wavelengths to the rear and back it counts.
     """
 
     name = "finite-backing"
@@ -30,6 +31,7 @@ class FiniteBacking(Effect):
     separates = "load the rear of the backing with water or putty: its ripple changes, that of the rim does not"
     references = (
         "Kossoff, IEEE Trans. Sonics Ultrason. 13 (1966) 20 (backing and matching)",
+        "Szabo, J. Acoust. Soc. Am. 96 (1994) 491 (causal power laws)",
         "left-out physics 4.2",
     )
 
@@ -38,7 +40,7 @@ class FiniteBacking(Effect):
         return (_BACK,) if is_backing(stack.back) else ()
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the echo's amplitude at the resonance, 1/Q of the backing, and the echo's delay (s) and decay (Np)."""
+        """Return the echo's amplitude at the resonance, 1/Q, the echo's delay (s) and decay (Np), and 1/Q's power."""
         return (
             EffectParameter("strength", "1", typical=0.01, upper=0.99),
             EffectParameter("loss", "1", typical=0.01, upper=1.0),
@@ -53,19 +55,18 @@ class FiniteBacking(Effect):
                 delay=True,
             ),
             EffectParameter("decay", "Np", typical=1.0, upper=20.0, scan=_DECAYS),
+            EffectParameter("exponent", "1", typical=0.3, lower=-1.0, upper=1.0, prior=(0.0, 0.5)),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device on a backing of finite thickness."""
         if values["strength"] <= 0 and values["loss"] <= 0:
             return assembly
+        known = {name: values[name] for name in ("strength", "loss", "delay", "decay", "exponent")}
         reference = resonance(assembly.nominal)
-
-        def echoing(stack: Stack) -> Stack:
-            strength, delay, decay = values["strength"], values["delay"], values["decay"]
-            return replace(stack, back=FiniteBackingLoad(stack.back, strength, delay, decay, reference, values["loss"]))
-
-        return assembly.each_stack(echoing)
+        return assembly.each_stack(
+            lambda stack: replace(stack, back=FiniteBackingLoad(stack.back, reference=reference, **known))
+        )
 
 
 EFFECT = FiniteBacking()

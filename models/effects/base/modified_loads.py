@@ -10,7 +10,7 @@ import numpy as np
 from ...base.arrays import Complexes, Frequencies
 from ...stack import HalfSpace, Stack
 from ...stack.loads import Load
-from ...stack.loss_laws import ComplexLike
+from ...stack.loss_laws import ComplexLike, PowerLoss
 from .effect import FACES
 
 
@@ -77,9 +77,10 @@ class CorrectedLoad(ModifiedLoad):
 
 @dataclass(frozen=True)
 class FiniteBackingLoad(ModifiedLoad):
-    """A medium with a free rear face: z sqrt(1 + j loss) (1 - e)/(1 + e), e = amplitude(f) exp(-jw delay) its echo.
+    """A medium with a rear face: z sqrt(M) (1 - e)/(1 + e), M = 1 + loss S(f) its stiffness and e its echo.
 
-    The amplitude is strength exp(decay (1 - f/reference)), as in a medium of constant Q, and stays below 1.
+    e = strength exp(decay (1 + j x S(f)) - jw delay), x = f/reference, and S the loss ~ f^exponent with its causal
+    companion (`PowerLoss`). Its amplitude stays below 1.
     """
 
     strength: float
@@ -87,7 +88,9 @@ class FiniteBackingLoad(ModifiedLoad):
     delay: float
     """Round-trip delay, s."""
     decay: float
-    """Round-trip attenuation at the reference, Np; it decreases linearly towards low frequency."""
+    """Round-trip attenuation at the reference, Np."""
+    exponent: float
+    """Power of frequency that the medium's 1/Q follows, between -1 and 1; the attenuation follows one more."""
     reference: float
     """Hz."""
     loss: float
@@ -98,10 +101,12 @@ class FiniteBackingLoad(ModifiedLoad):
         return self.inner.impedance(frequency) * self.factor(frequency)
 
     def factor(self, frequency: Frequencies) -> Complexes:
-        """Return sqrt(1 + j loss) (1 - e)/(1 + e), shape (N,)."""
-        amplitude = np.minimum(_MOST, self.strength * np.exp(self.decay * (1 - frequency / self.reference)))
-        echo = amplitude * np.exp(-2j * np.pi * self.delay * frequency)
-        return np.divide(1 - echo, 1 + echo, dtype=np.complex128) * np.sqrt(1 + 1j * self.loss)
+        """Return sqrt(M) (1 - e)/(1 + e), shape (N,)."""
+        lossy = PowerLoss(self.reference, self.exponent).over(1j, frequency)
+        fading = self.decay * (1 + 1j * frequency / self.reference * lossy)
+        amplitude = np.minimum(_MOST, self.strength * np.exp(fading.real))
+        echo = amplitude * np.exp(1j * (fading.imag - 2 * np.pi * self.delay * frequency))
+        return np.divide(1 - echo, 1 + echo, dtype=np.complex128) * np.sqrt(1 + self.loss * lossy)
 
 
 _MOST = 0.999

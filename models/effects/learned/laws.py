@@ -85,8 +85,8 @@ def _inner_echo(x: Reals, values: Values) -> Complexes:
 
 
 def _fading_echo(x: Reals, values: Values) -> Complexes:
-    """Return the factor of a medium of constant Q that ends free: its attenuation is proportional to frequency."""
-    return _standing(values["size"] ** x * np.exp(-2j * np.pi * x * values["delay"]))
+    """Return the factor of a medium of constant Q that ends free: attenuation ~ f, and what causality requires of c."""
+    return _standing(values["size"] ** (x - 2j / np.pi * x * np.log(x)) * np.exp(-2j * np.pi * x * values["delay"]))
 
 
 def _standing(echo: NDArray[np.inexact]) -> Complexes:

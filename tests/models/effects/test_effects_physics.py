@@ -130,16 +130,20 @@ def test_a_jig_equals_a_support_of_the_same_resistance_and_spring() -> None:
     close(Z.impedance(F), Stack((DISK,), Support("jig", 5e4, 1e12), AIR, AREA).impedance(F))
 
 
-def test_a_finite_backing_equals_a_long_layer_with_a_free_rear() -> None:
-    """A constant Q multiplies the amplitude by exp(-w delay/2Q); its loss also makes the impedance complex."""
+@pytest.mark.parametrize("exponent", [0.0, 0.5])
+def test_a_finite_backing_equals_a_long_layer_with_a_free_rear(exponent: float) -> None:
+    """1/Q ~ f^n attenuates as f^(n+1), turns the impedance, and makes sound faster at high frequency."""
     z, c, q, length = 5e6, 2000.0, 40.0, 3e-3
     f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
     delay = 2 * length / c
     decay = np.pi * f0 * delay / q
     known = {"strength": float(np.exp(-decay)), "delay": delay, "decay": float(decay), "loss": 1 / q}
-    Z = added("finite-backing", "face:back", Stack((DISK,), HalfSpace("tungsten", z), AIR, AREA), **known).impedance(F)
-    gamma = 1j * W / c * (1 - 0.5j / q)
-    ends = z * np.sqrt(1 + 1j / q) * np.tanh(gamma * length)
+    backed = Stack((DISK,), HalfSpace("tungsten", z), AIR, AREA)
+    Z = added("finite-backing", "face:back", backed, **known, exponent=exponent).impedance(F)
+    loss = (F / f0) ** exponent * 1j / q
+    faster = 2 / np.pi * np.log(F / f0) if not exponent else (loss * q / 1j - 1).real / np.tan(np.pi * exponent / 2)
+    gamma = 1j * W / c * (1 - (loss + faster / q) / 2)
+    ends = z * np.sqrt(1 + loss + faster / q) * np.tanh(gamma * length)
     expected = np.array(
         [
             Stack((DISK,), Support("rear", e.real, *((0, e.imag / w) if e.imag > 0 else (-e.imag * w, 0))), AIR, AREA)

@@ -103,7 +103,7 @@ def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length(law: str
     learned = learned_law(Place("face:back", "load"), law, GLUED)
     found = Device(GLUED).with_effect(learned, "face:back", {"size": echo, "delay": delay}).impedance(F)
     finite = FiniteBackingLoad(
-        GLUED.back, strength=echo, delay=delay, decay=decay, reference=learned.reference, loss=0.0
+        GLUED.back, strength=echo, delay=delay, decay=decay, exponent=0.0, reference=learned.reference, loss=0.0
     )
     np.testing.assert_allclose(found, replace(GLUED, back=finite).impedance(F), rtol=1e-9)
     in_air = replace(GLUED, back=AIR)
