@@ -12,12 +12,16 @@ from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.scale import active
 
-_FEWEST, _MOST = 7, 65
+_FEWEST, _MOST = 7, 97
 """Number of strips, at least and at most."""
 _NEARLY = 1e-7
 """Tolerated relative error of the mean over the face; determines the number of strips."""
 _WEDGE, _ARCHED = 1.0, 0.6
 """Shape of a wedge, and of faces that are mostly far from the mean; at 1/2 the quadrature is singular."""
+_NORMAL = 60.0
+"""Largest shape: a normal distribution leaves 0.1 % of ln Z even where the spread is twice the width of a line."""
+_TAILS = 4.5
+"""Standard deviations that count: beyond, a distribution of large shape has no weight."""
 _STEP = 1e-4
 """Half step of the derivative by the shape; its error is of the order of its square."""
 _THIN = 0.1
@@ -49,7 +53,7 @@ class ThicknessVariation(Effect):
         """Return the variance of the relative thickness (on which Z depends linearly), and the shape."""
         name = layer_at(where)
         thin = stack.parameters()[f"{name}.thickness"] < _THIN * active(stack).thickness
-        shape = EffectParameter("shape", "1", typical=0.5, lower=_ARCHED, upper=8.0, null=_WEDGE, varies=True)
+        shape = EffectParameter("shape", "1", typical=0.5, lower=_ARCHED, upper=_NORMAL, null=_WEDGE, varies=True)
         if thin:
             return (EffectParameter("variance", "1", typical=0.02, upper=0.3, prior=(0.02, 1.5)), shape)
         typical = 3e-6 if name == active(stack).name else 1e-4
@@ -69,7 +73,8 @@ class ThicknessVariation(Effect):
             return assembly
 
         def varied(part: ParallelSection) -> list[ParallelSection]:
-            nodes, weights = _gauss(_strips(part.stack, w), shape)
+            wide = min(w, _TAILS * float(np.sqrt(values["variance"])))
+            nodes, weights = _gauss(_strips(part.stack, wide), shape)
             moved_by = {
                 f"{self.key}@{where}.variance": lambda: (_by_variance(values) * nodes, np.zeros_like(weights)),
                 f"{self.key}@{where}.shape": lambda: _by_shape(values, nodes.size),
@@ -100,7 +105,7 @@ def _by_shape(values: Mapping[str, float], n: int) -> tuple[Reals, Reals]:
 
 
 def _strips(stack: Stack, w: float) -> int:
-    """Return the number of strips: Gauss's error falls by rho^2 with each, rho by the distance of the poles."""
+    """Return the number of strips of a range: Gauss's error falls by rho^2 with each, rho by how far poles are."""
     c33D = active(stack).c33D
     away = c33D.imag / (2 * c33D.real * w)
     needed = -np.log(_NEARLY) / (2 * np.arcsinh(max(away, 1e-3)))

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,10 @@ from ...waves import Complexes, LayerColumn, Part, Reals, Slice, respond
 from .flaws import Flaws, Side
 from .specimen import AIR, Ceramic, LabDevice, LabLayer, lossy
 
-_NODES = 9, 101
+_NODES = 25, 601
 """Fewest and most thicknesses that a distribution is resolved into."""
+_TAILS = 6.0
+"""Standard deviations at which a normal distribution ends."""
 _GRADES = 6
 _HEIGHTS = (0.7, 0.9, 1.05, 1.15, 1.2)
 """Heights of equal parts of a dot of solder relative to the mean, from its rim to its top."""
@@ -98,24 +99,18 @@ def _spread(specimen: LabDevice, flaws: Flaws) -> tuple[dict[str, Any], float | 
     if not flaws.spread:
         return {}, 1.0
     layer, sigma, shape = max(flaws.spread, key=lambda one: one[1])
-    # five standard deviations, in steps of a third of the width of a resonance
-    wide = 15 * sigma * specimen.ceramic.c33D.real / specimen.ceramic.c33D.imag if layer == "disk" else 15.0
+    # twelve standard deviations, in steps of a sixth of the width of a resonance
+    wide = 72 * sigma * specimen.ceramic.c33D.real / specimen.ceramic.c33D.imag if layer == "disk" else 72.0
     nodes = int(np.clip(wide, *_NODES))
+    x = (np.arange(nodes) + 0.5) / nodes * 2 - 1
     if shape == "gauss":
-        x, w = _normal_nodes(nodes)
+        w = np.exp(-0.5 * (_TAILS * x) ** 2)
     else:
-        x = (np.arange(nodes) + 0.5) / nodes * 2 - 1
         w = 1 - np.abs(x) if shape == "triangle" else (1 + x) ** 2 * (1 - x)
-        w = w / w.sum()
-        x = x - w @ x
-        x = x / np.sqrt(w @ x**2)
-    return {layer: (1 + sigma * x)[:, None]}, np.asarray(w / w.sum())[:, None]
-
-
-@lru_cache
-def _normal_nodes(count: int) -> tuple[Reals, Reals]:
-    x, w = np.polynomial.hermite_e.hermegauss(count)
-    return x, w
+    w = w / w.sum()
+    x = x - w @ x
+    x = x / np.sqrt(w @ x**2)
+    return {layer: (1 + sigma * x)[:, None]}, np.asarray(w)[:, None]
 
 
 def _true_layers(specimen: LabDevice, flaws: Flaws, step: str) -> tuple[LabLayer, ...]:
