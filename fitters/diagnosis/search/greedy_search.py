@@ -8,6 +8,7 @@ import numpy as np
 from ...error_model.error_sizes import ErrorSizes
 from ..decision_rules import (
     CLASS_NATS,
+    FITTED_ASTRAY,
     FITTED_FIRST,
     FITTED_LATER,
     LIKELY,
@@ -246,13 +247,20 @@ class GreedySearch(FittedHypotheses):
         chosen = self._chosen(lists, parent, most, choosy=True)
         if like is not None:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
+        tried = {**{one.candidate: [one] for one in self._as_noise(lists[0], parent)}, **chosen}
         names = ", ".join(one.effect.name for one in parent.effects)
-        self.progress(f"trying {len(chosen)} effects beside {names}")
-        self.fit([self._near(like or parent, promise, parent) for p in chosen.values() for promise in _apart(p)])
+        self.progress(f"trying {len(tried)} effects beside {names}")
+        self.fit([self._near(like or parent, promise, parent) for p in tried.values() for promise in _apart(p)])
         # What promises much where the misfit counts as noise may need constants that are not near these.
         far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
         chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
         self.fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
+
+    def _as_noise(self, promises: Sequence[ScreenedCandidate], parent: Hypothesis) -> Sequence[ScreenedCandidate]:
+        """Return what promises most where all misfit is noise, if the best hypothesis is astray; else nothing."""
+        if parent is not self.best or parent.fit.shortfall <= NEAR:
+            return ()
+        return [one for one in promises[:FITTED_ASTRAY] if one.gain > WORTH]
 
     def _screened(self, parent: Hypothesis) -> tuple[list[ScreenedCandidate], ...]:
         """Return the lists of what the candidates promise that have not been tried beside a hypothesis."""
