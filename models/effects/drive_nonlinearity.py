@@ -29,7 +29,10 @@ _USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
 
 
 class DriveNonlinearity(Effect):
-    """c33D (1 - a |S| (1 - j r)), S the amplitude of the mean strain at this level, found self-consistently."""
+    """c33D (1 - a S1 |S/S1|^n (1 - j r)), S the amplitude of the mean strain at this level, found self-consistently.
+
+    S1 is a usual strain at resonance. n is 1 where domain walls are depinned (Rayleigh), 2 in an anharmonic crystal.
+    """
 
     name = "drive-nonlinearity"
     stage = Stage.ACQUISITION
@@ -46,23 +49,26 @@ class DriveNonlinearity(Effect):
         return (f"layer:{piezos[0]}",) if len(piezos) == 1 else ()
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return a, the relative softening per strain, r, the loss per softening, and the source resistance.
+        """Return a, the relative softening per usual strain, r, the loss per softening, n, and the source resistance.
 
         r is 4/(3 pi) by Rayleigh's law; a source with constant voltage at the device has no resistance.
         """
         return (
             EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
             EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
+            EffectParameter("exponent", "1", typical=0.3, lower=0.5, upper=2.5, null=1.0),
             EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=_USUAL_SOURCE, setting="source_ohm"),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as recorded by a sweep at its level."""
-        name, softening, loss, source = layer_at(where), values["softening"], values["loss"], values["source"]
+        softening, law = values["softening"], (values["loss"], values["exponent"], values["source"])
         if softening <= 0:
             return assembly
 
-        return assembly.recorded(_Bent(name, softening, loss, source))
+        return assembly.recorded(
+            _Bent(layer_at(where), softening, *law, usual=max(_usual_strain(assembly.nominal), 1e-12))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +107,13 @@ class _Bent(Record):
 
     layer: str
     softening: float
+    """Relative, per strain, at the usual one."""
     loss: float
+    exponent: float
     source: float
+    """Resistance, ohm."""
+    usual: float
+    """Strain at resonance."""
     _agreed: list[tuple[Assembly, Frequencies, _Agreed]] = field(
         default_factory=list[tuple[Assembly, Frequencies, _Agreed]], init=False, repr=False
     )
@@ -118,7 +129,7 @@ class _Bent(Record):
         softer = self._softer(device, agreed.soft)
         _, slopes = softer.steady_jacobian(frequency, names)
         by_strain = self._strain_slopes(softer, frequency, names, slopes)
-        return slopes + agreed.follows(agreed.there.wanted * by_strain) - at_rest
+        return slopes + agreed.follows(self.exponent * agreed.there.wanted * by_strain) - at_rest
 
     def change(self, device: Assembly, other: Record, moved: Assembly, frequency: Frequencies) -> Complexes:
         """Return the change of ln factor, shape (N,): at a fixed softening, and by what it changes."""
@@ -157,7 +168,8 @@ class _Bent(Record):
         charge = _field_of_charge(stack, disk, frequency, stack.impedance(frequency))
         voltage = sqrt(2) * device.conditions.level_V * np.abs(Z / (Z + self.source))
         strain = voltage / disk.thickness * np.abs((charge - 1) / disk.field_per_strain(frequency))
-        return _Softened(Z, np.minimum(_MOST, self.softening * strain))
+        softening = self.softening * self.usual * (strain / self.usual) ** self.exponent
+        return _Softened(Z, np.minimum(_MOST, softening))
 
     def _disk(self, stack: Stack) -> Piezo:
         return next(one for one in stack.layers if isinstance(one, Piezo) and one.name == self.layer)

@@ -26,6 +26,7 @@ class FiniteBacking(Effect):
     """
 
     name = "finite-backing"
+    errs_roughly = False
     sizes = 2
     says = "The backing is not an infinite lossless medium: its rear face reflects an echo, or its own loss is visible."
     separates = "load the rear of the backing with water or putty: its ripple changes, that of the rim does not"

@@ -11,11 +11,11 @@ from itertools import product
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from ....models.base.arrays import Frequencies, Impedances, Reals
+from ....models.base.arrays import Complexes, Frequencies, Reals
 from ....models.base.model import Model
-from ....models.effects import Device, EffectParameter, Stage
+from ....models.effects import Device, EffectParameter
 from ...engine.objective import Objective
-from ...engine.recording import Recording
+from ...engine.recording import Recording, log_ratio
 from ..hypotheses.problem import Candidate, Problem
 
 _SCANNED = 240
@@ -149,34 +149,33 @@ def _first_columns(
 ) -> Callable[[Sequence[float]], Reals]:
     """Return a function of the other parameters: d residual / d first parameter in typical sizes, shape (rows,).
 
-    The derivative is a difference quotient from the state without the effect, which all of them share. Effects of the
-    sweep are small, and are left out unless the candidate is one of them.
+    The derivative is a difference quotient from the state without the effect, which all of them share.
     """
     knob, name = candidate.effect_parameters[0], candidate.parameters[0]
     size, at = knob.null + _STEP * knob.typical, 0
-    places: list[tuple[int, Recording, Model, Impedances]] = []
+    places: list[tuple[int, Recording, Model, Model]] = []
     for plain, recording in zip(problem.recordings, problem.with_effects([candidate]), strict=True):
         f = recording.sweep.frequency
         if recording.step in candidate.steps:
             there, absent = _moved(recording.model, {**values, name: size}), _moved(plain.model, values)
-            places.append((at, recording, there, _seen(absent, candidate, f)))
+            places.append((at, recording, there, absent))
         at += 2 * f.size
 
     def column(others: Sequence[float]) -> Reals:
         made, trial = np.zeros(rows), dict(zip(candidate.parameters[1:], others, strict=True))
         for at, recording, there, absent in places:
             f = recording.sweep.frequency
-            weighted = np.log(_seen(there.replace(trial), candidate, f) / absent) / (_STEP * recording.sigma)
+            weighted = _log_ratio(absent, there.replace(trial), f) / (_STEP * recording.sigma)
             made[at : at + f.size], made[at + f.size : at + 2 * f.size] = weighted.real, weighted.imag
         return made
 
     return column
 
 
-def _seen(model: Model, candidate: Candidate, f: Frequencies) -> Impedances:
-    if candidate.effect.stage < Stage.ACQUISITION and isinstance(model, Device):
-        return model.steady_impedance(f)
-    return model.impedance(f)
+def _log_ratio(absent: Model, there: Model, f: Frequencies) -> Complexes:
+    if isinstance(absent, Device) and isinstance(there, Device):
+        return absent.log_ratio(there, f)
+    return log_ratio(there.impedance(f), absent.impedance(f))
 
 
 def _moved(model: Model, values: dict[str, float]) -> Model:

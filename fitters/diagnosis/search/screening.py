@@ -7,11 +7,10 @@ from itertools import product
 
 import numpy as np
 
-from ....models.base.arrays import Complexes, Frequencies, Impedances, Reals
+from ....models.base.arrays import Complexes, Reals
 from ....models.base.model import Model
-from ....models.effects import Device, EffectParameter, Stage
+from ....models.effects import Device, EffectParameter
 from ...engine.on_cores import on_cores
-from ...engine.recording import log_ratio
 from ...error_model.error_columns import ErrorColumns, WeakLine
 from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import Kernel, PointErrors
@@ -148,25 +147,16 @@ def _changes(
         model = recording.model
         renamed = {recording.renamed.get(name, name): name for name in model.parameters()}
         models.append(model.replace({own: parent.values[n] for n, own in renamed.items() if n in parent.values}))
-    # effects of the sweep are small: what another effect changes is seen without them, too
-    steady = one.effect.stage is not Stage.ACQUISITION
-
-    def seen(model: Device, frequency: Frequencies) -> Impedances:
-        return model.steady_impedance(frequency) if steady else model.impedance(frequency)
-
     sweeps = [recording.sweep.frequency for recording in with_one]
     devices = {
         k: model
         for k, (recording, model) in enumerate(zip(with_one, models, strict=True))
         if recording.step in one.steps and isinstance(model, Device)
     }
-    before = {k: seen(device, sweeps[k]) for k, device in devices.items()}
 
     def change(values: Mapping[str, float]) -> list[Complexes]:
         return [
-            log_ratio(seen(devices[k].replace(values), f), before[k])
-            if k in devices
-            else np.zeros(f.size, np.complex128)
+            devices[k].log_ratio(devices[k].replace(values), f) if k in devices else np.zeros(f.size, np.complex128)
             for k, f in enumerate(sweeps)
         ]
 

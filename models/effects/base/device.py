@@ -113,10 +113,17 @@ class Device:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
         return self.assembly.impedance(frequency)
 
-    def steady_impedance(self, frequency: Frequencies) -> Impedances:
-        """Return Z in ohm, shape (N,), as in an infinitely slow sweep."""
-        Z = self.assembly.steady(frequency)
-        return np.conj(Z) if self.assembly.conjugated else Z
+    def log_ratio(self, other: "Device", frequency: Frequencies) -> Complexes:
+        """Return ln of what is recorded of another device over what is of this one, shape (N,).
+
+        To first order in what recording adds, if both are recorded by sweeps of the same kinds.
+        """
+        own, its = self.assembly, other.assembly
+        recorded = own.as_recorded(its, frequency)
+        if recorded is None:
+            return np.asarray(np.log(other.impedance(frequency) / self.impedance(frequency)), np.complex128)
+        ratio = np.log(its.steady(frequency) / own.steady(frequency)) + recorded
+        return np.conj(ratio) if own.conjugated else ratio
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (N,), and d ln Z / d parameter, shape (P, N).

@@ -65,7 +65,7 @@ def test_points_that_are_left_keep_the_time_at_which_the_sweep_passed_them(bare:
         left = replace(ran, points=tuple(ran.passed(f.size)[at].tolist()))
         Z = replace(device, conditions=ran).impedance(f)[at]
         np.testing.assert_allclose(replace(device, conditions=left).impedance(f[at]), Z, rtol=1e-4)
-        steady = device.steady_impedance(f[at])
+        steady = device.assembly.steady(f[at])
         assert np.max(np.abs(Z / steady - 1)) > 1e-2
 
 
