@@ -29,10 +29,7 @@ _USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
 
 
 class DriveNonlinearity(Effect):
-    """c33D (1 - a S1 |S/S1|^n (1 - j r)), S the amplitude of the mean strain at this level, found self-consistently.
-
-    S1 is a usual strain at resonance. n is 1 where domain walls are depinned (Rayleigh), 2 in an anharmonic crystal.
-    """
+    """c33D (1 - a |S| (1 - j r)), S the amplitude of the mean strain at this level, found self-consistently."""
 
     name = "drive-nonlinearity"
     stage = Stage.ACQUISITION
@@ -49,26 +46,21 @@ class DriveNonlinearity(Effect):
         return (f"layer:{piezos[0]}",) if len(piezos) == 1 else ()
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return a, the relative softening per usual strain, r, the loss per softening, n, and the source resistance.
+        """Return a, the relative softening per strain, r, the loss per softening, and the source resistance.
 
         r is 4/(3 pi) by Rayleigh's law; a source with constant voltage at the device has no resistance.
         """
         return (
             EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
             EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
-            EffectParameter("exponent", "1", typical=0.3, lower=0.5, upper=2.5, null=1.0),
             EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=_USUAL_SOURCE, setting="source_ohm"),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device as recorded by a sweep at its level."""
-        softening, law = values["softening"], (values["loss"], values["exponent"], values["source"])
-        if softening <= 0:
+        if values["softening"] <= 0:
             return assembly
-
-        return assembly.recorded(
-            _Bent(layer_at(where), softening, *law, usual=max(_usual_strain(assembly.nominal), 1e-12))
-        )
+        return assembly.recorded(_Bent(layer_at(where), values["softening"], values["loss"], values["source"]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,13 +99,11 @@ class _Bent(Record):
 
     layer: str
     softening: float
-    """Relative, per strain, at the usual one."""
+    """Relative, per strain."""
     loss: float
-    exponent: float
+    """Per softening."""
     source: float
     """Resistance, ohm."""
-    usual: float
-    """Strain at resonance."""
     _agreed: list[tuple[Assembly, Frequencies, _Agreed]] = field(
         default_factory=list[tuple[Assembly, Frequencies, _Agreed]], init=False, repr=False
     )
@@ -129,7 +119,7 @@ class _Bent(Record):
         softer = self._softer(device, agreed.soft)
         _, slopes = softer.steady_jacobian(frequency, names)
         by_strain = self._strain_slopes(softer, frequency, names, slopes)
-        return slopes + agreed.follows(self.exponent * agreed.there.wanted * by_strain) - at_rest
+        return slopes + agreed.follows(agreed.there.wanted * by_strain) - at_rest
 
     def change(self, device: Assembly, other: Record, moved: Assembly, frequency: Frequencies) -> Complexes:
         """Return the change of ln factor, shape (N,): at a fixed softening, and by what it changes."""
@@ -145,7 +135,7 @@ class _Bent(Record):
         for last, where, known in self._agreed:
             if last is device and where is frequency:
                 return known
-        soft = _agreed(lambda soft: self.softened(device, frequency, soft).wanted, frequency.size)
+        soft = _self_consistent(lambda soft: self.softened(device, frequency, soft).wanted, frequency.size)
         there, near = (self.softened(device, frequency, one) for one in (soft, soft + _SLIGHTLY))
         by_soft = (near.Z / there.Z - 1) / _SLIGHTLY
         stability = 1 - (near.wanted - there.wanted) / _SLIGHTLY
@@ -168,8 +158,7 @@ class _Bent(Record):
         charge = _field_of_charge(stack, disk, frequency, stack.impedance(frequency))
         voltage = sqrt(2) * device.conditions.level_V * np.abs(Z / (Z + self.source))
         strain = voltage / disk.thickness * np.abs((charge - 1) / disk.field_per_strain(frequency))
-        softening = self.softening * self.usual * (strain / self.usual) ** self.exponent
-        return _Softened(Z, np.minimum(_MOST, softening))
+        return _Softened(Z, np.minimum(_MOST, self.softening * strain))
 
     def _disk(self, stack: Stack) -> Piezo:
         return next(one for one in stack.layers if isinstance(one, Piezo) and one.name == self.layer)
@@ -217,7 +206,7 @@ def _usual_strain(stack: Stack) -> float:
     return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + _USUAL_SOURCE)
 
 
-def _agreed(wanted: Callable[[Reals], Reals], points: int) -> Reals:
+def _self_consistent(wanted: Callable[[Reals], Reals], points: int) -> Reals:
     """Solve for the softening consistent with its own strain, shape (points,), by damped secant steps."""
     before = np.zeros(points)
     missing_before = wanted(before)

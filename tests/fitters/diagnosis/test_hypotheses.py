@@ -279,7 +279,7 @@ def test_how_usual_a_rest_is_follows_from_two_densities(decades: float) -> None:
 @given(st.floats(-5, 5))
 def test_a_formula_errs_by_the_logarithm_of_what_may_vary(x: float) -> None:
     knob = replace(BETWEEN, varies=True)
-    effect = SimpleNamespace(key="cable", sizes=1, errs_roughly=False)
+    effect = SimpleNamespace(key="cable", sizes=1, errs_roughly=False, errs_in_time=False)
     one = Candidate(effect, "terminals", ("disk",), (FROM_NOTHING, knob))
     made = formula_errors([one])
     assert set(made) == {one.prefix, one.prefix + "impedance"}

@@ -289,18 +289,16 @@ def test_polarity_inverts_the_impedance_and_its_derivatives() -> None:
         close(slopes, turn(J))
 
 
-@pytest.mark.parametrize("n", [1.0, 2.0])
-def test_drive_nonlinearity_lowers_the_series_resonance_self_consistently(n: float) -> None:
+def test_drive_nonlinearity_lowers_the_series_resonance_self_consistently() -> None:
     """Compared with a root finder at each point, from the disk's own field; the antiresonance hardly moves."""
     a, r, level = 2000.0, 0.4, 0.5
     f = np.linspace(3.4e6, 4.6e6, 25)
-    device = added("drive-nonlinearity", "layer:disk", conditions=Conditions(level_V=level), softening=a, loss=r)
-    Z = device.replace({"drive-nonlinearity@layer:disk.exponent": n}).impedance(f)
-    softening = find_effect("drive-nonlinearity").effect_parameters(BARE, "layer:disk")[0]
-    usual = 1e-3 / softening.typical
+    Z = added("drive-nonlinearity", "layer:disk", conditions=Conditions(level_V=level), softening=a, loss=r).impedance(
+        f
+    )
 
     def at(one: np.ndarray, strain: float) -> tuple[complex, float]:
-        c = DISK.c33D * (1 - a * usual * (strain / usual) ** n * (1 - 1j * r))
+        c = DISK.c33D * (1 - a * strain * (1 - 1j * r))
         bent = BARE.replace({"disk.c33D.re": c.real, "disk.c33D.im": c.imag})
         z = complex(bent.impedance(one)[0])
         current = np.sqrt(2) * level / abs(z + 25)
@@ -310,7 +308,7 @@ def test_drive_nonlinearity_lowers_the_series_resonance_self_consistently(n: flo
     expected = []
     for k in range(f.size):
         one = f[k : k + 1]
-        strain = brentq(lambda s, one=one: at(one, s)[1] - s, 0.0, 4 * usual, xtol=1e-16)
+        strain = brentq(lambda s, one=one: at(one, s)[1] - s, 0.0, 1e-4, xtol=1e-16)
         expected.append(at(one, strain)[0])
     close(Z, np.array(expected), 1e-8)
     halved = added("drive-nonlinearity", "layer:disk", conditions=Conditions(level_V=1e-6), softening=a).impedance(f)
