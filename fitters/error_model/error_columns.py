@@ -403,11 +403,9 @@ def _shapes(
 
 
 def _over_time(places: Sequence[LinearisedRecording]) -> list[Reals]:
-    """Return smooth functions of ln(1 + time in sweeps) for each recording, shape (N, K)."""
-    times = [
-        np.log1p(p.recording.model.conditions.elapsed(p.Z.size) if isinstance(p.recording.model, Device) else 0 * p.Z)
-        for p in places
-    ]
+    """Return smooth functions of ln(1 + time in sweeps) for each recording of a device, shape (N, K)."""
+    devices = [(p.recording.model, p.Z.size) for p in places]
+    times = [np.log1p(own.conditions.elapsed(n)) if isinstance(own, Device) else np.zeros(n) for own, n in devices]
     ends = float(min(np.min(t) for t in times)), float(max(np.max(t) for t in times))
     return [smooth(t, ends, scales.SHAPE_LENGTH, scales.FEW_SHAPE) for t in times]
 

@@ -23,6 +23,7 @@ UNEVEN = 5e-4
 SHAPE = 0.1
 """Smooth error of an effect's formula, relative to the effect: skin effect in a lead, loss in a stray capacitance."""
 SHAPE_LENGTH = 1.0
+"""Correlation length of that error in ln f, or in ln(1 + time in sweeps) if the formula is a course in time."""
 LINE = 5e-3
 """Height of a weak line, a further resonance too small to be named, where |Z| is that of the clamped capacitance."""
 LINE_OFF = 0.1

@@ -108,8 +108,13 @@ def diagnose(
 
         diagnose_all(recordings or [], chosen, accuracy, dask, as_json=as_json)
         return
-    if not recordings or (build is None and fitter != "bvd"):
-        raise UsageError("STEP=FILE and --build are needed, or --all")
+    if not recordings:
+        raise UsageError("no recording is given; STEP=FILE is needed, or --all")
+    folder = next((one for one in recordings if Path(one).is_dir()), None)
+    if folder is not None:
+        raise UsageError(f"{folder} is a folder; STEP=FILE is needed, or --all for the samples in a folder")
+    if build is None and fitter != "bvd":
+        raise UsageError("no build is given; --build FILE is needed, or --fitter bvd for an unknown device")
     model = _model_of(fitter, learn=learn)
     if picture is not None:
         check_picture(picture)
