@@ -80,5 +80,5 @@ def draw_reliability(rows: Sequence[tuple[float, HitShare]], path: Path) -> None
         bars = [[max(part.value - low, 0)], [max(high - part.value, 0)]]
         axes.errorbar(p, part.value, yerr=bars, fmt="o", color="tab:blue", capsize=3)
         axes.annotate(str(part.of), (p, part.value), textcoords="offset points", xytext=(6, -10), fontsize="small")
-    axes.set(xlabel="probability said", ylabel="part that was right", xlim=(0, 1.03), ylim=(-0.05, 1.1))
+    axes.set(xlabel="probability said", ylabel="part that was right", xlim=(0, 1.1), ylim=(-0.05, 1.1))
     drawing.savefig(path, metadata={"Date": None})

@@ -108,20 +108,14 @@ def diagnose(
 
         diagnose_all(recordings or [], chosen, accuracy, dask, as_json=as_json)
         return
-    if not recordings:
-        raise UsageError("no recording is given; STEP=FILE is needed, or --all")
-    folder = next((one for one in recordings if Path(one).is_dir()), None)
-    if folder is not None:
-        raise UsageError(f"{folder} is a folder; STEP=FILE is needed, or --all for the samples in a folder")
-    if build is None and fitter != "bvd":
-        raise UsageError("no build is given; --build FILE is needed, or --fitter bvd for an unknown device")
+    stated = _of_one_sample(recordings, build, fitter)
     model = _model_of(fitter, learn=learn)
     if picture is not None:
         check_picture(picture)
     device = None if build is None else read_build(build)
     others = {str(folder): _sample_in(folder) for folder in other_sample or ()}
     screen = console(stderr=True)
-    task = FitTask(device, read_steps(recordings, accuracy, columns))
+    task = FitTask(device, read_steps(stated, accuracy, columns))
     with screen.status("diagnosing") as status:
         diagnosis = run_diagnosis(
             task, chosen, status.update, hold_out, others, learn, jobs=jobs or available_cores(), fitter=model
@@ -154,6 +148,18 @@ def _model_of(fitter: str, *, learn: bool) -> "Diagnosable | None":
     if learn and model is not None:
         raise UsageError(f"--learn looks for laws in the layers of a stack, which the model of {fitter} is not")
     return model
+
+
+def _of_one_sample(recordings: list[str] | None, build: Path | None, fitter: str) -> list[str]:
+    """Return the recordings of one sample. Raises UsageError if they or the build are missing."""
+    if not recordings:
+        raise UsageError("no recording is given; STEP=FILE is needed, or --all")
+    folder = next((one for one in recordings if Path(one).is_dir()), None)
+    if folder is not None:
+        raise UsageError(f"{folder} is a folder; STEP=FILE is needed, or --all for the samples in a folder")
+    if build is None and fitter != "bvd":
+        raise UsageError("no build is given; --build is needed, or --fitter bvd for an unknown device")
+    return recordings
 
 
 def _check_all(every: bool, others: "dict[str, object]") -> None:

@@ -291,7 +291,10 @@ def test_the_table_shows_a_row_for_each_part() -> None:
         (["fit", "--all", "nowhere"], "nowhere: no such folder"),
         (["diagnose"], "no recording is given; STEP=FILE is needed, or --all"),
         (["diagnose", "."], ". is a folder; STEP=FILE is needed, or --all for the samples in a folder"),
-        (["diagnose", "disk=a.csv"], "no build is given; --build FILE is needed, or --fitter bvd for an unknown device"),
+        (
+            ["diagnose", "disk=a.csv"],
+            "no build is given; --build is needed, or --fitter bvd for an unknown device",
+        ),
         (["samples"], "nothing was measured yet; begin with `pzctl measure`"),
         (["samples", "--step", "disk"], "--step needs --constants"),
     ],
