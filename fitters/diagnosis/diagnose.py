@@ -22,7 +22,7 @@ from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover,
 from .hypotheses.bench_effects import BenchEffect, with_bench_effects
 from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
-from .hypotheses.hypothesis import Hypothesis
+from .hypotheses.hypothesis import Hypothesis, beside
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
 from .hypotheses.problem import Candidate, Problem
 from .inference import finite_diameter as lateral
@@ -263,7 +263,7 @@ def _told(
     constants = averaged_constants(problem, found.final, search.ranked, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
-    remaining = scores(problem, choice, final.objective, final.descent.x)
+    remaining = scores(problem, beside(final.effects, choice), final.objective, final.descent.x)
     return Diagnosis(
         verdict=verdict,
         baseline=FitSummary(null.chi2_per_dof, held_before, constants_of(problem, found.null)),

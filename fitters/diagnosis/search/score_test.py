@@ -5,7 +5,7 @@ free constants projected out, are compared with the residuals; only steps of the
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -49,7 +49,11 @@ class Score:
 
 
 def scores(problem: Problem, candidates: Sequence[Candidate], null: Objective, x: Reals) -> list[Score]:
-    """Return the scores of all candidates at the null fit `x`, largest gain first."""
+    """Return the scores of all candidates at the null fit `x`, largest gain first.
+
+    What each changes is seen on the devices of that fit, with all effects that it has.
+    """
+    problem = replace(problem, recordings=tuple(null.recordings))
     r, J = null.residual(x), null.jacobian(x)
     Q, R = np.linalg.qr(J)
     values, _ = null.coordinates.forward(x)
