@@ -164,7 +164,9 @@ class Assembly:
     _known: list[tuple[object, object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, object, Frequencies, Complexes]], compare=False
     )
-    """One-entry cache of the device's admittance, keyed by (parts, whole, frequency); reused by what acts outside."""
+    """Cache of two admittances, keyed by (parts, whole, frequency), the last one used first: reused by what acts outside,
+    and by changes, each of which is that of another device relative to the same one.
+    """
     _known_beside: list[tuple[object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, Frequencies, Complexes]], compare=False
     )
@@ -252,7 +254,7 @@ class Assembly:
         """Return the admittance of the device without shunts, S, shape (N,)."""
         for parts, whole, where, known in self._known:
             if parts is self.parts and whole is self.whole and where is frequency:
-                return known
+                return self._kept(frequency, known)
         if self.whole is not None:
             return self._kept(frequency, 1 / self.whole.impedance(frequency))
         within = sum((part.admittance(frequency) for part in self.parts), np.zeros(frequency.size, np.complex128))
@@ -261,7 +263,8 @@ class Assembly:
     def _kept(self, frequency: Frequencies, within: Complexes) -> Complexes:
         """Keep the device's admittance for what is asked next."""
         if not frequency.flags.writeable:  # a recording's: it stays what it is
-            self._known[:] = [(self.parts, self.whole, frequency, within)]
+            others = [one for one in self._known if one[3] is not within]
+            self._known[:] = [(self.parts, self.whole, frequency, within), *others[:1]]
         return within
 
     def _beside(self, frequency: Frequencies, jw: Complexes) -> Complexes:
