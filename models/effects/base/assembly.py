@@ -164,8 +164,9 @@ class Assembly:
     _known: list[tuple[object, object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, object, Frequencies, Complexes]], compare=False
     )
-    """Cache of two admittances, keyed by (parts, whole, frequency), the last one used first: reused by what acts outside,
-    and by changes, each of which is that of another device relative to the same one.
+    """Cache of two admittances, keyed by (parts, whole, frequency), the last one used first.
+
+    Reused by what acts outside, and by changes, each of which is that of another device relative to the same one.
     """
     _known_beside: list[tuple[object, Frequencies, Complexes]] = field(
         default_factory=list[tuple[object, Frequencies, Complexes]], compare=False
