@@ -106,6 +106,8 @@ class Recording:
     """Number of correlated points that count as one."""
     renamed: Mapping[str, str] = field(default_factory=dict[str, str])
     """Parameters of the model that have another name in the fit: `ml1.thickness` after it was ground."""
+    colour_limit: float = 1.0
+    """Largest correlation that the noise of neighbouring points can have."""
     weighting: Literal["log", "thesis"] = "log"
     """`log`: ln(Z_model/Z)/sigma. `thesis`: w (Z_model - Z), scaled as a whole to the noise."""
 

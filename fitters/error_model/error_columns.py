@@ -447,8 +447,9 @@ def line_columns(recording: Recording, Z: Impedances, line: WeakLine) -> Complex
 def _points(place: LinearisedRecording) -> PointErrors:
     stack = stack_of(place.recording.model)
     disk = f"{active(stack).name}."
-    own = [name for name in place.felt if name.startswith(disk)] or list(place.felt)
-    squares = sum((np.abs(place.felt[name]) ** 2 for name in own), np.zeros(place.Z.size))
+    names = [name for name in place.felt if name.startswith(disk)] or list(place.felt)
+    squares = sum((np.abs(place.felt[name]) ** 2 for name in names), np.zeros(place.Z.size))
     felt = np.sqrt(scales.ROUGH_FLOOR**2 + squares)
     bent = np.sqrt(sum((np.abs(own) ** 2 for own in place.rough), np.zeros(place.Z.size)))
-    return PointErrors(np.log(place.recording.sweep.frequency), place.recording.noise, felt, bent)
+    own = place.recording
+    return PointErrors(np.log(own.sweep.frequency), own.noise, felt, bent, own.colour_limit)

@@ -167,6 +167,11 @@ class Gram:
         """Return whether errors of these sizes are none but white noise, so that the likelihood is no approximation."""
         return sizes.exact and "formula" not in self.columns.parts
 
+    def possible(self, sizes: ErrorSizes) -> ErrorSizes:
+        """Return the same with no more colour of the noise than the recordings allow."""
+        most = min((own.colour_limit for own in self.columns.points), default=1.0)
+        return sizes.at("colour", min(sizes.colour, max(one for one in scales.COLOURS if one <= most)))
+
     def coefficients(self, sizes: ErrorSizes) -> Reals:
         """Return the most probable coefficient of each column, shape (C,), at the point itself. Raises LinAlgError."""
         G, _ = self._gram(sizes.colour, sizes.rough)
@@ -342,7 +347,7 @@ def chosen(
 def _evaluated(made: Gram, trials: Sequence[ErrorSizes]) -> list[tuple[ErrorSizes, Value]]:
     """Return the marginal likelihood of those of these sizes for which it can be computed."""
     values: list[tuple[ErrorSizes, Value]] = []
-    for sizes in dict.fromkeys(trials):
+    for sizes in dict.fromkeys(map(made.possible, trials)):
         try:
             values.append((sizes, made.value(sizes)))
         except np.linalg.LinAlgError:

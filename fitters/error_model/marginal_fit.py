@@ -50,7 +50,7 @@ def _plain(marginal: Marginal, x: Reals, most: int) -> tuple[Reals, float]:
             break
         last = float(np.sum(np.log(misfits)))
         errors = tuple(
-            PointErrors(np.zeros(own.noise.size), np.hypot(own.noise, misfit), *(np.zeros(own.noise.size),) * 2)
+            PointErrors(at := np.zeros(own.noise.size), np.hypot(own.noise, misfit), at, at)
             for own, misfit in zip(marginal.objective.recordings, misfits, strict=True)
         )
         held = Held.of(ErrorColumns((), np.zeros(0), none, errors), ErrorSizes())

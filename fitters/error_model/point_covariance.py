@@ -34,6 +34,8 @@ class PointErrors:
     """Rough model error of unit size, shape (N,)."""
     bent: Reals
     """Rough error of the effects' formulas of unit size, shape (N,)."""
+    colour_limit: float = 1.0
+    """Largest correlation that the noise of neighbouring points can have."""
 
 
 def under_colour(colour: float) -> float:

@@ -59,7 +59,7 @@ BENT = (0.0, 0.3, 1.0, 3.0)
 """Smooth errors of the effects' formulas, in units of their prior scale."""
 BENDS = (0.0, 0.003, 0.01, 0.03, 0.1)
 """Rough error of the effects' formulas, relative to the effect: deviations from the formula near a resonance."""
-COLOURS = (0.0, 0.3, 0.5, 0.65, 0.8)
+COLOURS = (0.0, 0.15, 0.3, 0.5, 0.65, 0.8)
 """Correlation of the noise of neighbouring points (first-order autoregression)."""
 
 NONE = {

@@ -45,7 +45,9 @@ def places_of(problem: Problem, planted: Mapping[str, Any]) -> tuple[Candidate, 
 def with_one_more(problem: Problem, parent: Hypothesis, own: tuple[Candidate, ...]) -> Hypothesis | None:
     """Return the best fit with one of these effects more, from near the parent and from plain least squares."""
     best: Hypothesis | None = None
-    for promise in screened(problem, parent, own)[0][:_PROMISES]:
+    known = {(one.effect.name, one.where) for one in parent.effects}
+    further = tuple(one for one in own if (one.effect.name, one.where) not in known)
+    for promise in screened(problem, parent, further)[0][:_PROMISES]:
         effects, values = (*parent.effects, promise.candidate), {**parent.values, **promise.start}
         sizes = parent.fit.sizes, ErrorSizes(colour=parent.fit.sizes.colour)
         for near in (True, False):

@@ -15,6 +15,7 @@ from ...engine.parameters.coordinates import Block, Coordinates, between, hardly
 from ...engine.recording import Prior, Recording
 from ...error_model.error_columns import WeakLine
 from ...interface import FitTask
+from ..data_quality.colour_limit import colour_limit
 from ..decision_rules import SHARP
 from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
@@ -110,7 +111,7 @@ class Problem:
         Raises FitError if the recordings contain no data of the kind to be held out (see `held_out`).
         """
         objective = solution.descent.objective
-        recordings = as_devices(objective.recordings)
+        recordings = tuple(map(_limited, as_devices(objective.recordings)))
         values, _ = objective.coordinates.forward(solution.descent.x)
         steps = tuple(dict.fromkeys(recording.step for recording in recordings))
         return cls(
@@ -137,7 +138,7 @@ class Problem:
     def of_model(cls, found: FittedModel, hold_out: str = BANDS) -> "Problem":
         """Return the problem of a model other than a stack, as a fitter has fitted it. Raises FitError."""
         objective = found.descent.objective
-        recordings = as_devices(objective.recordings, found.scale)
+        recordings = tuple(map(_limited, as_devices(objective.recordings, found.scale)))
         values, _ = objective.coordinates.forward(found.descent.x)
         return cls(found, recordings, objective.priors, values, held_out(recordings, hold_out))
 
@@ -184,6 +185,11 @@ def _block(name: str, knob: EffectParameter, start: float, first: bool) -> Block
     if not first and np.isfinite(knob.upper):
         return between(name, knob.lower, knob.upper)
     return linear(name, knob.typical)
+
+
+def _limited(recording: Recording) -> Recording:
+    """Return a recording with the largest correlation that its noise can have."""
+    return replace(recording, colour_limit=colour_limit(recording.sweep, recording.noise))
 
 
 def _extended(recording: Recording, effects: Sequence[Candidate]) -> Recording:
