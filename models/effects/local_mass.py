@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..stack import Elastic, Stack
+from ..base.arrays import Reals
+from ..stack import Elastic, Stack, Strips
 from .base.added_layer import with_layer_on_piezo
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import FACES, Effect, EffectParameter, Stage
@@ -19,12 +20,21 @@ _RESTING = 0.3
 """The same while the effect is absent."""
 _RIGID, _SOLDER, _SOFTEST = 1e9, 2e7, 3e6
 """Acoustic impedance of a dot that is practically rigid, of solder, and of the softest one, a resin; Rayl."""
+_FLATTEST, _USUAL_DOME, _CAP = 0.05, 0.3, 1.0
+"""Half range of a dot's height, relative to its mean: one that is practically flat, a usual one, a spherical cap."""
 _Q, _SPEED = 20.0, 2000.0
 """Quality factor of a dot. Its velocity, m/s, does not matter: mass and impedance determine what it does."""
 
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(7)
+"""Heights of a dot between -1 and 1, and twice their parts of its area: those of a cap are uniformly distributed."""
+
 
 class LocalMass(Effect):
-    """Y = (1 - phi) Y(free) + phi Y(with the mass): a satellite below resonance, or an inactive part of the face."""
+    """Y = (1 - phi) Y(free) + phi Y(with the mass): a satellite below resonance, or an inactive part of the face.
+
+    A dot is higher in its middle than at its rim, and each height has a satellite of its own: together they are wider
+    and lower than one alone. The heights are uniformly distributed, as those of a spherical cap (a paraboloid) are.
+    """
 
     name = "local-mass"
     stage = Stage.SHARES
@@ -42,7 +52,8 @@ class LocalMass(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the loaded part of the area, and mass per area (kg/m2) and acoustic impedance (Rayl) of the load.
 
-        A dot of little impedance is no rigid mass: it acts as Z tan(w m/Z)/w, more at high frequencies.
+        A dot of little impedance is no rigid mass: it acts as Z tan(w m/Z)/w, more at high frequencies. The last one
+        is the half range of its height, relative to the mean: 0 is flat, 1 a cap that ends in a sharp rim.
         """
         unit = areal_mass(stack)
         scan = tuple(height * unit for height in _HEIGHTS)
@@ -61,23 +72,38 @@ class LocalMass(Effect):
             EffectParameter(
                 "impedance", "Rayl", typical=_SOLDER, lower=_SOFTEST, upper=_RIGID, null=_RIGID, scan=(_SOLDER,)
             ),
+            EffectParameter("dome", "1", typical=_USUAL_DOME, lower=_FLATTEST, upper=_CAP, null=_USUAL_DOME),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the free and the loaded part of the face in parallel."""
         fraction, mass, z = values["fraction"], values["mass"], values.get("impedance", _RIGID)
+        dome = values.get("dome", _USUAL_DOME)
         if fraction <= 0:
             return assembly
         dot = Elastic(f"{self.name}@{where}", thickness=mass * _SPEED / z, z=z, c=_SPEED, q=_Q)
+        heights = 1 + dome * _NODES
 
-        def parted(part: ParallelSection) -> tuple[ParallelSection, ParallelSection]:
-            loaded = with_layer_on_piezo(part.stack, where, dot)
-            return (
-                replace(part, fraction=part.fraction * (1 - fraction)),
-                replace(part, fraction=part.fraction * fraction, stack=loaded),
-            )
+        def loaded(part: ParallelSection) -> list[ParallelSection]:
+            on = replace(part, fraction=part.fraction * fraction, stack=with_layer_on_piezo(part.stack, where, dot))
+            if part.strips is None:
+                moved_by = {f"{self.key}@{where}.dome": _by_dome}
+                return [replace(on, strips=Strips(dot.name, heights, _WEIGHTS / 2, moved_by))]
+            name = f"{dot.name}.thickness"
+            return [
+                replace(on, fraction=on.fraction * weight / 2, stack=on.stack.replace({name: dot.thickness * height}))
+                for height, weight in zip(heights.tolist(), _WEIGHTS.tolist(), strict=True)
+            ]
+
+        def parted(part: ParallelSection) -> list[ParallelSection]:
+            return [replace(part, fraction=part.fraction * (1 - fraction)), *loaded(part)]
 
         return assembly.split(parted)
+
+
+def _by_dome() -> tuple[Reals, Reals]:
+    """Return the derivatives of the heights and of their parts of the area."""
+    return _NODES, np.zeros_like(_WEIGHTS)
 
 
 EFFECT = LocalMass()

@@ -93,7 +93,11 @@ def rivals(search: GreedySearch, one: Hypothesis, effect: Candidate) -> list[tup
 
 
 def look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set[Candidate]:
-    """Return the effects that, in place of another, change ln Z nearly as it does, and that nothing rules out."""
+    """Return the effects that, in place of another, explain what it explains, and that nothing rules out.
+
+    They change ln Z nearly as it does; or, with errors that absorb different parts of what both do, whatever one of
+    them explains the other cannot explain again.
+    """
     own = change_by(search.problem, one, effect)
     within = CLASS_NATS * one.coarseness
     alike: set[Candidate] = set()
@@ -102,9 +106,21 @@ def look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set
         if behind < within:
             # what the rival does in place of the effect, with all that its constants and further sizes contribute
             instead = [a + b for a, b in zip(own, _apart(one, rival), strict=True)]
-            if _correlation(one.projected([own, instead])) > CLASS:
+            if _correlation(one.projected([own, instead])) > CLASS or _shared(search, one, effect, rival) > CLASS:
                 alike.add(other)
     return alike
+
+
+def _shared(search: GreedySearch, one: Hypothesis, effect: Candidate, rival: Hypothesis) -> float:
+    """Return which part of the ln evidence that the less of two effects gains alone it does not gain beside the other.
+
+    `rival`: the hypothesis with the other effect in place of `effect`. What was not fitted together promised nothing.
+    """
+    rest = search.without(one, effect).log_evidence
+    gains = [found.log_evidence - rest for found in (one, rival)]
+    together = search.found.get(one.key | rival.key)
+    both = max(*gains, together.log_evidence - rest if together is not None else 0.0)
+    return (sum(gains) - both) / min(gains) if min(gains) > 0 else 0.0
 
 
 def _apart(one: Hypothesis, other: Hypothesis) -> list[Complexes]:

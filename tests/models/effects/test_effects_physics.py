@@ -160,11 +160,32 @@ def test_parts_of_the_face_act_in_parallel() -> None:
         close(added("bond-void", where, GLUED, fraction=0.1).impedance(F), 1 / (0.9 / Z + 0.1 / free))
     kept = Stack((DISK, GLUE), AIR, AIR, AREA).impedance(F)
     close(added("bond-void", "interface:glue1|ml1", GLUED, fraction=0.1).impedance(F), 1 / (0.9 / Z + 0.1 / kept))
-    solder = Elastic("dot", thickness=0.4 / 8500, z=2e7, c=2e7 / 8500, q=20.0)
-    for dot, load, near in ((2e7, solder, 1e-11), (1e9, Mass("dot", 0.4), 1e-4)):
-        loaded = Stack((DISK, GLUE, ML1, load), AIR, WATER, AREA).impedance(F)
-        seen = added("local-mass", "face:front", GLUED, fraction=0.03, mass=0.4, impedance=dot).impedance(F)
-        close(seen, 1 / (0.97 / Z + 0.03 / loaded), near)
+    x, w = np.polynomial.legendre.leggauss(7)
+    heights = tuple(zip(0.4 * (1 + 0.3 * x), w / 2, strict=True))  # kg/m2, and parts of a usual dot's area
+    solder = [Elastic("dot", thickness=m / 8500, z=2e7, c=2e7 / 8500, q=20.0) for m, _ in heights]
+    for z, loads, near in ((2e7, solder, 1e-11), (1e9, [Mass("dot", m) for m, _ in heights], 1e-4)):
+        loaded = [Stack((DISK, GLUE, ML1, load), AIR, WATER, AREA).impedance(F) for load in loads]
+        Y = sum(part / one for one, (_, part) in zip(loaded, heights, strict=True))
+        seen = added("local-mass", "face:front", GLUED, fraction=0.03, mass=0.4, impedance=z).impedance(F)
+        close(seen, 1 / (0.97 / Z + 0.03 * Y), near)
+
+
+@pytest.mark.parametrize("varied", [False, True])
+def test_a_dot_is_the_mean_of_its_heights(varied: bool) -> None:
+    def dotted(dome: float, mass: float = 0.1) -> Device:
+        device = added("local-mass", "face:front", BARE, fraction=0.03, mass=mass, impedance=2e7, dome=dome)
+        varying = find_effect("thickness-variation")
+        return device.with_effect(varying, "layer:disk", {"variance": 1e-5, "shape": 1.0}) if varied else device
+
+    even = (np.arange(200) + 0.5) / 100 - 1  # nearly flat ones
+    Y = np.mean([1 / dotted(0.05, 0.1 * (1 + 0.4 * height)).impedance(F) for height in even], axis=0)
+    close(dotted(0.4).impedance(F), 1 / Y, 3e-4)
+    device = dotted(0.4)
+    for name in ("local-mass@face:front.dome", *(["thickness-variation@layer:disk.variance"] if varied else [])):
+        _, (slope,) = device.jacobian(F, (name,))
+        step = 1e-4 * device.parameters()[name]
+        up, down = (np.log(device.replace({name: device.parameters()[name] + s * step}).impedance(F)) for s in (1, -1))
+        np.testing.assert_allclose((up - down) / (2 * step), slope, atol=2e-4 * np.abs(slope).max())
 
 
 def test_a_spring_holds_the_rim_of_a_void() -> None:
