@@ -110,17 +110,18 @@ class GreedySearch(FittedHypotheses):
         self.fit_again(problem)
 
     def substitute(self, one: Hypothesis) -> None:
-        """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it."""
+        """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it.
+
+        Look-alikes are tried even where the budget is spent: a name that was compared with none of them is not sure.
+        """
         for effect in one.effects:
-            if self.exhausted:
-                return
             rest = self.without(one, effect)
-            if rest.effects:
+            if rest.effects and not self.exhausted:
                 self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
         self.polish()
         first = self.probable[0]
-        if first.key != one.key and len(first.effects) >= len(one.effects):
+        if first.key != one.key and len(first.effects) >= len(one.effects) and not self.exhausted:
             self.substitute(first)
 
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
@@ -145,7 +146,10 @@ class GreedySearch(FittedHypotheses):
         return [one for one in left if frozenset((*parent.effects, one)) not in self.found]
 
     def relocate(self, one: Hypothesis) -> None:
-        """Fit the best hypothesis with each of its effects moved to the other places where it can occur."""
+        """Fit the best hypothesis with each of its effects moved to the other places where it can occur.
+
+        This, too, is done where the budget is spent: a place is part of what is said.
+        """
         plans: list[Plan] = []
         for effect in one.effects:
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
@@ -157,7 +161,7 @@ class GreedySearch(FittedHypotheses):
                     continue
                 there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
                 plans.append(Plan((*rest, other), {**one.values, **there}, (one.fit.sizes,)))
-        self.fit([] if self.exhausted else plans)
+        self.fit(plans)
         self.polish()
 
     def _parents(self) -> list[Hypothesis]:
