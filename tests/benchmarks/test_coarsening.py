@@ -39,8 +39,8 @@ GRID = (
 """Both constants; the rule's own are among them."""
 LEAST = 0.01
 """Probability below which nothing counts as more improbable: a search that has not tried an effect says zero."""
-SURE = 0.89
-"""What the reserve of one in ten leaves of certainty."""
+SURE = 0.84
+"""What the reserve of one in seven leaves of certainty."""
 
 
 @contextmanager
