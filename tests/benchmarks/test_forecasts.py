@@ -13,7 +13,6 @@ from relaxing_disk import BUILD
 from pzctl.fitters.diagnosis.decision_rules import FALSE_ALARM, LEFT_AT_MOST
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
-from pzctl.fitters.diagnosis.inference.conclusion import unexplained
 from pzctl.fitters.diagnosis.search.weak_lines import with_weak_lines
 from pzctl.fitters.diagnosis.validation.forecast import Forecast, forecast_of
 from pzctl.fitters.engine.multi_step_fit import solve
@@ -105,7 +104,7 @@ def outcomes(*, flawed: bool, wrong: bool = False, off: float = 0.0) -> list[tup
             knobs = {knob.name: knob.expected[0] for knob in law.effect_parameters(STACK, place.where)[1:]}
             values = {"size": size * law.natural, **knobs}
         found = fit_of(one.problem, law, values)
-        made.append((forecast_of(one.problem, found), unexplained(found)))
+        made.append((forecast_of(one.problem, found), found.unexplained))
     return made
 
 
