@@ -21,20 +21,6 @@ def with_layer_on_piezo(stack: Stack, where: str, layer: Layer | Joins) -> Stack
     return _with_layer(stack, _position(stack, where), layer)
 
 
-def with_layers_around(stack: Stack, name: str, back: Layer | Joins, front: Layer | Joins) -> Stack:
-    """Return the stack with a layer on either side of a ceramic, outside of what is dead of it."""
-    first = last = [one.name for one in stack.layers].index(name)
-    while first > 0 and _is_dead(stack.layers[first - 1]):
-        first -= 1
-    while last + 1 < len(stack.layers) and _is_dead(stack.layers[last + 1]):
-        last += 1
-    return _with_layer(_with_layer(stack, last + 1, front), first, back)
-
-
-def _is_dead(layer: Layer | Joins) -> bool:
-    return isinstance(layer, Piezo) and layer.h33 == 0
-
-
 def _position(stack: Stack, where: str) -> int:
     if where in FACES:
         return 0 if where == FACES[0] else len(stack.layers)

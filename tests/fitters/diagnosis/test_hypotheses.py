@@ -54,7 +54,6 @@ def test_an_effect_is_tried_at_all_its_places(lead_case) -> None:
     assert {(one.effect.name, one.where) for one in found} == {
         ("electrode-mass", "face:back"),
         ("electrode-mass", "face:front"),
-        ("electrode-mass", "layer:disk"),
         ("cable", "terminals"),
     }
     assert {one.steps for one in found} == {("disk",)}

@@ -170,20 +170,6 @@ def test_parts_of_the_face_act_in_parallel() -> None:
         close(seen, 1 / (0.97 / Z + 0.03 * Y), near)
 
 
-def test_electrodes_on_both_faces_are_two_masses() -> None:
-    dead = find_effect("surface-layer"), "layer:disk", {"back": 8e-6, "front": 4e-6}
-    both = added("electrode-mass", "layer:disk", GLUED, mass=0.05)
-    one = added("electrode-mass", "interface:disk|glue1", GLUED, mass=0.05)
-    apart = one.with_effect(find_effect("electrode-mass"), "face:back", {"mass": 0.05})
-    close(both.impedance(F), apart.impedance(F))
-    there = Device(GLUED).with_effect(*dead).with_effect(find_effect("electrode-mass"), "layer:disk", {"mass": 0.05})
-    close(there.impedance(F), apart.with_effect(*dead).impedance(F))
-    name = "electrode-mass@layer:disk.mass"
-    _, (slope,) = both.jacobian(F, (name,))
-    up, down = (np.log(both.replace({name: mass}).impedance(F)) for mass in (0.05001, 0.04999))
-    np.testing.assert_allclose((up - down) / 2e-5, slope, atol=1e-5 * np.abs(slope).max())
-
-
 @pytest.mark.parametrize("varied", [False, True])
 def test_a_dot_is_the_mean_of_its_heights(varied: bool) -> None:
     def dotted(dome: float, mass: float = 0.1) -> Device:
