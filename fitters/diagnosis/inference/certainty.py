@@ -96,17 +96,20 @@ def look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set
     """Return the effects that, in place of another, explain what it explains, and that nothing rules out.
 
     They change ln Z nearly as it does; or, with errors that absorb different parts of what both do, whatever one of
-    them explains the other cannot explain again.
+    them explains the other cannot explain again, and they are about as probable.
     """
     own = change_by(search.problem, one, effect)
-    within = CLASS_NATS * one.coarseness
+    within, part = CLASS_NATS * one.coarseness, {found.key: own for found, own in search.posterior}
     alike: set[Candidate] = set()
     for rival, other in rivals(search, one, effect):
         behind = one.log_evidence - rival.log_evidence
         if behind < within:
             # what the rival does in place of the effect, with all that its constants and further sizes contribute
             instead = [a + b for a, b in zip(own, _apart(one, rival), strict=True)]
-            if _correlation(one.projected([own, instead])) > CLASS or _shared(search, one, effect, rival) > CLASS:
+            probable = part[rival.key] > part[one.key] * np.exp(-CLASS_NATS)
+            if _correlation(one.projected([own, instead])) > CLASS or (
+                probable and _shared(search, one, effect, rival) > CLASS
+            ):
                 alike.add(other)
     return alike
 

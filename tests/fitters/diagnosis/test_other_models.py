@@ -57,7 +57,7 @@ def test_a_lead_on_a_radial_disk_is_named_with_its_size(
     (lead,) = found.findings
     assert (found.verdict, lead.where) == ("explained", "terminals")
     # 0.2 uH are a long lead or a short cable, which the radial modes do not tell apart
-    assert {"lead-inductance", "cable"} == {lead.effect, *(other.effect for other in lead.same_as)}
+    assert {"lead-inductance", "cable"} <= {lead.effect, *(other.effect for other in lead.same_as)}
     size = lead.parameters["inductance"]
     assert abs(size.value - LEAD) < 3 * size.u < 0.5 * LEAD
     s11E = found.final.constants["disk.s11E"]
