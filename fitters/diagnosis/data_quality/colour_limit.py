@@ -7,7 +7,6 @@ takes away of coloured noise is computed from its own columns.
 """
 
 import numpy as np
-from scipy.signal import lfilter
 
 from ....models.base.arrays import Reals
 from ....models.sweep import Sweep
@@ -45,6 +44,8 @@ def _left(columns: Reals, points: int, colour: float) -> float:
 
 def _squared(Q: Reals, colour: float) -> float:
     """Return the trace of Q^T R Q, R_ij = colour^|i-j|."""
+    from scipy.signal import lfilter  # what does not look for a cause need not wait for it: half a second
+
     after = lfilter([1.0], [1.0, -colour], Q, axis=0)
     return float(np.sum(Q * (2 * after - Q)))
 
