@@ -20,7 +20,7 @@ from pzctl.daemon.samples.sample_selection import folder_sample
 from pzctl.fitters.diagnosis.data_quality.data_gates import gate
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates, flaws
 from pzctl.fitters.diagnosis.hypotheses.condensed_recordings import condensed
-from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, fitted
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, beside, fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.search.screening import screened
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
@@ -45,9 +45,7 @@ def places_of(problem: Problem, planted: Mapping[str, Any]) -> tuple[Candidate, 
 def with_one_more(problem: Problem, parent: Hypothesis, own: tuple[Candidate, ...]) -> Hypothesis | None:
     """Return the best fit with one of these effects more, from near the parent and from plain least squares."""
     best: Hypothesis | None = None
-    known = {(one.effect.name, one.where) for one in parent.effects}
-    further = tuple(one for one in own if (one.effect.name, one.where) not in known)
-    for promise in screened(problem, parent, further)[0][:_PROMISES]:
+    for promise in screened(problem, parent, beside(parent.effects, own))[0][:_PROMISES]:
         effects, values = (*parent.effects, promise.candidate), {**parent.values, **promise.start}
         sizes = parent.fit.sizes, ErrorSizes(colour=parent.fit.sizes.colour)
         for near in (True, False):
