@@ -7,28 +7,25 @@ takes away of coloured noise is computed from its own columns.
 """
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
 from ....models.base.arrays import Reals
-from ....models.sweep import Sweep
 from ...error_model.point_covariance import spread_of_variance, under_colour
 from ...error_model.prior_scales import COLOURS
-from .pole_fit import Frame, PoleFit, fit_poles
+from .pole_fit import PoleFit
 
 _SURE = 2.33
 """Standard deviations by which the pole fit has to leave less than the noise would be: one right colour of a hundred is
 excluded."""
 
 
-def colour_limit(sweep: Sweep, noise: Reals) -> float:
+def colour_limit(fit: PoleFit) -> float:
     """Return the largest of the grid's correlations of neighbouring points' noise that a recording allows.
 
-    `noise`: standard deviation of Re and Im of ln Z if it were white, shape (N,); infinite for points that do not
-    count.
+    `fit`: that of the recording, whose weights are the noise of Re and Im of ln Z if it were white.
     """
-    kept = np.isfinite(noise)
-    fit = fit_poles(Frame.of(sweep, noise, kept))
-    columns, points = _columns(fit), int(np.count_nonzero(kept))
-    return next((one for one in COLOURS[:0:-1] if fit.cost > _left(columns, points, one)), 0.0)
+    columns = _columns(fit)
+    return next((one for one in COLOURS[:0:-1] if fit.cost > _left(columns, fit.frame.points, one)), 0.0)
 
 
 def _left(columns: Reals, points: int, colour: float) -> float:
@@ -43,11 +40,11 @@ def _left(columns: Reals, points: int, colour: float) -> float:
 
 
 def _squared(Q: Reals, colour: float) -> float:
-    """Return the trace of Q^T R Q, R_ij = colour^|i-j|."""
-    from scipy.signal import lfilter  # what does not look for a cause need not wait for it: half a second
-
-    after = lfilter([1.0], [1.0, -colour], Q, axis=0)
-    return float(np.sum(Q * (2 * after - Q)))
+    """Return the trace of Q^T R Q, R_ij = colour^|i-j|, which is the inverse of a tridiagonal matrix."""
+    inverse = np.full((2, len(Q)), -colour)
+    inverse[1] = 1 + colour**2
+    inverse[1, [0, -1]] = 1.0
+    return float(np.sum(Q * solveh_banded(inverse / (1 - colour**2), Q)))
 
 
 def _columns(fit: PoleFit) -> Reals:

@@ -16,7 +16,7 @@ from ....models.effects import Device
 from ...engine.recording import Recording
 from ...error_model.point_covariance import under_colour
 from ...error_model.prior_scales import ROUGH_LENGTH
-from ..data_quality.pole_fit import Frame, fit_poles
+from ..data_quality.pole_fit import PoleFit
 from .problem import Problem
 
 _WIDE = ROUGH_LENGTH
@@ -41,15 +41,14 @@ def condensed(problem: Problem, colour: float) -> Problem:
     sweeps = [one.sweep for one in problem.recordings]
     if sum(_Groups.of(np.log(own.frequency), np.log(own.impedance)).counts.size for own in sweeps) > most:
         return problem
-    made = tuple(_condensed(one, colour) for one in problem.recordings)
+    made = tuple(_condensed(*one, colour) for one in zip(problem.recordings, problem.causal, strict=True))
     shorter = replace(problem, recordings=made, proof=())
     return shorter if shorter.points < most else problem
 
 
-def _condensed(recording: Recording, colour: float) -> Recording:
+def _condensed(recording: Recording, fit: PoleFit, colour: float) -> Recording:
     """Return a recording with its points in groups."""
     sweep, kept = recording.sweep, np.isfinite(recording.noise)
-    fit = fit_poles(Frame.of(sweep, recording.noise, kept))
     real, imaginary = np.split(fit.residual, 2)
     left = np.log(1 - (real + 1j * imaginary)[kept] * recording.noise[kept])  # ln(Z/Z_poles)
     f, Z = sweep.frequency[kept], sweep.impedance[kept]

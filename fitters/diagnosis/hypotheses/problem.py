@@ -16,6 +16,7 @@ from ...engine.recording import Prior, Recording
 from ...error_model.error_columns import WeakLine
 from ...interface import FitTask
 from ..data_quality.colour_limit import colour_limit
+from ..data_quality.pole_fit import Frame, PoleFit, fit_poles
 from ..decision_rules import SHARP
 from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
@@ -93,6 +94,8 @@ class Problem:
     """Held-out points of every recording, as masks."""
     lines: tuple[WeakLine, ...] = ()
     """Further resonances that are part of the error model."""
+    causal: tuple[PoleFit, ...] = ()
+    """What any causal linear device could do, of each recording."""
 
     @property
     def points(self) -> int:
@@ -111,7 +114,7 @@ class Problem:
         Raises FitError if the recordings contain no data of the kind to be held out (see `held_out`).
         """
         objective = solution.descent.objective
-        recordings = tuple(map(_limited, as_devices(objective.recordings)))
+        recordings, causal = _limited(as_devices(objective.recordings))
         values, _ = objective.coordinates.forward(solution.descent.x)
         steps = tuple(dict.fromkeys(recording.step for recording in recordings))
         return cls(
@@ -120,6 +123,7 @@ class Problem:
             priors_of(solution.build, steps),
             values,
             held_out(recordings, hold_out),
+            causal=causal,
         )
 
     @classmethod
@@ -138,9 +142,10 @@ class Problem:
     def of_model(cls, found: FittedModel, hold_out: str = BANDS) -> "Problem":
         """Return the problem of a model other than a stack, as a fitter has fitted it. Raises FitError."""
         objective = found.descent.objective
-        recordings = tuple(map(_limited, as_devices(objective.recordings, found.scale)))
+        recordings, causal = _limited(as_devices(objective.recordings, found.scale))
         values, _ = objective.coordinates.forward(found.descent.x)
-        return cls(found, recordings, objective.priors, values, held_out(recordings, hold_out))
+        proof = held_out(recordings, hold_out)
+        return cls(found, recordings, objective.priors, values, proof, causal=causal)
 
     def bare_coordinates(self, values: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of a fit without effects, starting at `values`."""
@@ -187,9 +192,11 @@ def _block(name: str, knob: EffectParameter, start: float, first: bool) -> Block
     return linear(name, knob.typical)
 
 
-def _limited(recording: Recording) -> Recording:
-    """Return a recording with the largest correlation that its noise can have."""
-    return replace(recording, colour_limit=colour_limit(recording.sweep, recording.noise))
+def _limited(recordings: Sequence[Recording]) -> tuple[tuple[Recording, ...], tuple[PoleFit, ...]]:
+    """Return recordings with the largest correlation that their noise can have, and the pole fits that tell it."""
+    fits = tuple(fit_poles(Frame.of(one.sweep, one.noise, np.isfinite(one.noise))) for one in recordings)
+    limited = (replace(one, colour_limit=colour_limit(fit)) for one, fit in zip(recordings, fits, strict=True))
+    return tuple(limited), fits
 
 
 def _extended(recording: Recording, effects: Sequence[Candidate]) -> Recording:

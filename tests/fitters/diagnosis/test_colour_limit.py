@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from pzctl.fitters.diagnosis.data_quality.colour_limit import colour_limit
+from pzctl.fitters.diagnosis.data_quality.pole_fit import Frame, fit_poles
 from pzctl.fitters.engine.noise import noise_from_smoothness
 from pzctl.fitters.error_model.prior_scales import COLOURS
 from pzctl.models.sweep import Sweep
@@ -26,7 +27,7 @@ def recorded(seed: int, colour: float, points: int = 801) -> Sweep:
 def limit(sweep: Sweep) -> float:
     noise = noise_from_smoothness(sweep)
     assert noise is not None
-    return colour_limit(sweep, noise)
+    return colour_limit(fit_poles(Frame.of(sweep, noise, np.isfinite(noise))))
 
 
 @pytest.mark.parametrize("colour", COLOURS[1:])
