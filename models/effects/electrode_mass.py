@@ -1,16 +1,26 @@
-"""`electrode-mass`: an electrode (or wax, ink) that the build omits, as a mass."""
+"""`electrode-mass`: electrodes (or wax, ink) that the build omits, as layers."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
-from ..stack import Mass, Stack
-from .base.added_layer import with_layer_on_piezo
+from ..stack import Elastic, Stack
+from .base.added_layer import is_face_of_one_ceramic, with_layer_on_piezo, with_layer_opposite
 from .base.assembly import Assembly
 from .base.effect import FACES, Effect, EffectParameter, interfaces
 from .base.scale import areal_mass
 
+_RIGID, _PASTE, _SOFTEST = 1e9, 1.5e7, 2e6
+"""Acoustic impedance of what is practically rigid, of fired silver paste, and of the softest, wax; Rayl."""
+_Q, _SPEED = 50.0, 2000.0
+"""Quality factor of a layer. Its velocity, m/s, does not matter: mass and impedance determine what it does."""
+
 
 class ElectrodeMass(Effect):
-    """A mass on a face or between two layers; within one band it resembles a softer or thicker disk, to 0.2 %."""
+    """A thin layer on a face or between two layers; within one band it resembles a softer or thicker disk, to 0.2 %.
+
+    Electrodes are printed on both faces of a ceramic. The layer of a face is no rigid mass m where it is thick or soft:
+    it acts as z tan(w m/z)/w.
+    """
 
     name = "electrode-mass"
     stays = True
@@ -30,17 +40,33 @@ class ElectrodeMass(Effect):
         return (*FACES, *interfaces(stack))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the mass per area in kg/m2."""
+        """Return the mass per area (kg/m2) and the acoustic impedance (Rayl) of the layer.
+
+        At a ceramic also the mass on its other face, relative to this.
+        """
         unit = areal_mass(stack)
-        return (EffectParameter("mass", "kg/m2", typical=5e-3 * unit, upper=unit, prior=(1.2e-2, 1.3)),)
+        mass = EffectParameter("mass", "kg/m2", typical=5e-3 * unit, upper=unit, prior=(1.2e-2, 1.3))
+        z = EffectParameter(
+            "impedance", "Rayl", typical=_PASTE, lower=_SOFTEST, upper=_RIGID, null=_RIGID, scan=(_PASTE,)
+        )
+        other = EffectParameter("other", "1", typical=0.3, upper=1.0, fraction=True)
+        return (mass, z, other) if is_face_of_one_ceramic(stack, where) else (mass, z)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
-        """Return the device with the mass in its place."""
-        mass = values["mass"]
+        """Return the device with the layer in its place, and with that on the other face."""
+        mass, z, other = values["mass"], values.get("impedance", _RIGID), values.get("other", 0.0)
         if mass <= 0:
             return assembly
-        paste = Mass(f"{self.name}@{where}", mass)
-        return assembly.each_stack(lambda stack: with_layer_on_piezo(stack, where, paste))
+        paste = Elastic(f"{self.name}@{where}", thickness=mass * _SPEED / z, z=z, c=_SPEED, q=_Q)
+        there = paste.thickness * other
+
+        def printed(stack: Stack) -> Stack:
+            made = with_layer_on_piezo(stack, where, paste)
+            if there <= 0:
+                return made
+            return with_layer_opposite(made, where, replace(paste, name=f"{paste.name}-other", thickness=there))
+
+        return assembly.each_stack(printed)
 
 
 EFFECT = ElectrodeMass()
