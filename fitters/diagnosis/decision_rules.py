@@ -22,6 +22,9 @@ effects to which the hypotheses alone gave 0.9 or more, 12 were wrong (8 to 22 %
 of these recordings 0.15 is 3 nats better than 0.1 and 5 worse than 0.25. 0 for exact recordings."""
 NAMED = 0.5
 """Posterior probability from which an effect is named: it is then more likely present than absent."""
+NOTHING = 0.05
+"""Probability of no effect at all below which a recording shows something, even if no effect can be named: so often is
+that a false alarm."""
 CLASS = 0.9
 """Correlation of two effects, after projecting out constants and errors, from which they count as look-alikes."""
 CLASS_NATS = 3.0

@@ -273,7 +273,7 @@ def _told(
         leftover=left,
         says=(
             *_says(verdict, findings, found.remaining),
-            *(_nearest(found) if verdict == "unexplained" else ()),
+            *(_nearest(found) if verdict == "unexplained" and not found.undecided else ()),
             *((_CUT_SHORT,) if search.cut_short else ()),
         ),
         before=curves_of(null.objective, null.descent.x, null.descent.x),
@@ -400,6 +400,9 @@ def _where_it_acts(places: Sequence[PlacedCorrection], found: Conclusion, *, lea
 def _unknown(final: Refit, held: float, left: Leftover, where: str, found: Conclusion) -> Finding:
     unproved = found.forecast.says if found.forecast is not None and found.refuted else None
     says = unproved or "No effect of the catalogue explains the misfit; find its cause before you use the constants."
+    if found.undecided:
+        names = ", ".join(f"{one.effect} at {one.where} ({one.probability:.2f})" for one in found.undecided)
+        says = f"Something is there; most probably one of these, which the recordings do not tell apart: {names}."
     return Finding(
         effect=UNKNOWN,
         where=ANY,
@@ -411,7 +414,7 @@ def _unknown(final: Refit, held: float, left: Leftover, where: str, found: Concl
         chi2_per_dof_after=final.chi2_per_dof,
         held_out_before=held,
         held_out_after=held,
-        alternatives=(),
+        alternatives=found.undecided,
         says=f"{says} {in_words(left)}".rstrip() + where,
     )
 
@@ -434,6 +437,6 @@ def _says(verdict: Verdict, findings: Sequence[Finding], remaining: Remaining | 
         "no-mismatch": f"Model and recording agree to within the noise{usual}.",
         "explained": f"Model and recording differ; the effects found{usual} explain the whole difference.",
         "partly-explained": "Model and recording differ; the effects found explain most of the difference, not all.",
-        "unexplained": "Model and recording differ, and no effect of the catalogue explains the difference.",
+        "unexplained": "Model and recording differ, and no effect of the catalogue is known to explain the difference.",
     }[verdict]
     return (first, *(f"{finding.effect} at {finding.where}: {finding.says}" for finding in findings), *left)

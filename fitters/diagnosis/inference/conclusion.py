@@ -10,7 +10,7 @@ import numpy as np
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.instrument_share import accuracy_of
 from ...error_model.uncertainty_sources import taken_up
-from ..decision_rules import NAMED, PARENTS, TOLERATED
+from ..decision_rules import NAMED, NOTHING, PARENTS, SUBSTITUTES, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
@@ -51,6 +51,8 @@ class Conclusion:
     """Probability of anything beside the named effects: of another effect, or of what no effect explains."""
     nearest: tuple[Candidate, float] | None
     """The single effect that explains most, and its part of the misfit; None if no effect explains half of it."""
+    undecided: tuple[Alternative, ...] = ()
+    """Effects of which some are certainly there, the most probable first, though none can be named."""
     forecast: Forecast | None = None
     """How what was learned predicts held-out data; None if nothing was."""
 
@@ -76,7 +78,7 @@ class Conclusion:
         flawed = len(physics) < len(self.findings)
         if physics:
             return "partly-explained" if flawed or self.something_left or self.refuted else "explained"
-        return "unexplained" if flawed or self.something_left else "no-mismatch"
+        return "unexplained" if flawed or self.something_left or self.undecided else "no-mismatch"
 
 
 def conclude(search: GreedySearch) -> Conclusion:
@@ -109,13 +111,15 @@ def conclude(search: GreedySearch) -> Conclusion:
                 others,
             )
         )
+    something_else = _something_else(search, final.key)
     return Conclusion(
         null=null,
         final=final,
         named=in_order(named),
         remaining=remaining_of(final),
-        something_else=_something_else(search, final.key),
+        something_else=something_else,
         nearest=_nearest(search, null),
+        undecided=_undecided(search) if not named and something_else > 1 - NOTHING else (),
     )
 
 
@@ -182,6 +186,16 @@ def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:
     """Return the posterior probability of other effects than these, or of a cause that no effect describes."""
     enough = sum(part * (1 - one.cause_left) for one, part in search.posterior if one.key <= named)
     return max(0.0, 1.0 - enough)
+
+
+def _undecided(search: GreedySearch) -> tuple[Alternative, ...]:
+    """Return the most probable effects, each at its most probable place."""
+    places = dict[str, str]()
+    for one in search.probable:
+        for effect in one.effects:
+            places.setdefault(effect.effect.name, effect.where)
+    own = [Alternative(name, where, search.inclusion({name})) for name, where in places.items() if name != UNKNOWN]
+    return tuple(sorted(own, key=lambda one: -one.probability)[:SUBSTITUTES])
 
 
 def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] | None:

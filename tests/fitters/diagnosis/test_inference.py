@@ -14,12 +14,12 @@ from pzctl.fitters.diagnosis import decision_rules
 from pzctl.fitters.diagnosis.data_quality.data_gates import Gated
 from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue
 from pzctl.fitters.diagnosis.decision_rules import ODDS, UNFORESEEN
-from pzctl.fitters.diagnosis.findings import Finding
+from pzctl.fitters.diagnosis.findings import Alternative, Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
 from pzctl.fitters.diagnosis.inference.averaged_constants import averaged_constants
 from pzctl.fitters.diagnosis.inference.certainty import Certainties
-from pzctl.fitters.diagnosis.inference.conclusion import conclude
+from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, conclude
 from pzctl.fitters.diagnosis.inference.data_findings import of_the_data, verdict_with, where_disturbed
 from pzctl.fitters.diagnosis.inference.effect_size import (
     change_by,
@@ -61,6 +61,17 @@ def test_an_unexplained_misfit_is_reported_as_unexplained(lead_case) -> None:
     found = conclude(search)
     assert found.something_left
     assert (found.verdict, found.named) == ("unexplained", ())
+
+
+def test_what_is_there_without_a_name_is_no_agreement(lead_case) -> None:
+    null = lead_case.search.null
+    left = conclude(GreedySearch(lead_case.problem, (), found={null.key: null})).remaining
+    agrees = Conclusion(null, null, (), left, something_else=0.5, nearest=None)
+    either = (Alternative("face-load", "face:front", 0.47), Alternative("sweep-lag", "sweep", 0.42))
+    undecided = replace(agrees, something_else=0.96, undecided=either)
+    exact = SimpleNamespace(cause_left=0.0)
+    verdicts = [replace(one, final=exact).verdict for one in (agrees, undecided)]
+    assert verdicts == ["no-mismatch", "unexplained"]
 
 
 def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(lead_case) -> None:
