@@ -323,7 +323,7 @@ def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
         piezo = full.split(".")[-1] in PIEZO_CONSTANTS
         if quantity.u > 0:
             priors.append(Prior(f"{full}.re" if piezo else full, quantity.re, quantity.u))
-        if quantity.u_im > 0 and piezo and quantity.source == "build.toml":
+        if quantity.u_im > 0 and piezo:
             priors.append(Prior(f"{full}.im", quantity.im, quantity.u_im))
     of_effects = (prior for one in effects_of(build, steps) for prior in one.priors)
     return (*priors, *of_effects, *weighings_of(build, steps))
