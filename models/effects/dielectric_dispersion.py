@@ -44,6 +44,11 @@ class DielectricDispersion(Effect):
             EffectParameter("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3),
         )
 
+    def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the loss of the relaxation at the resonance."""
+        at = values["relaxation_frequency"]
+        return {f"{layer_at(where)}.eps33S": values["relaxation"] * (1 / (1 + 1j / at)).imag}
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the permittivity of that layer as a power of frequency."""
         name, reference = layer_at(where), resonance(assembly.nominal)

@@ -18,6 +18,7 @@ from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
 from ...interface import UNCOMPUTABLE
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS
+from .own_losses import priors_beside
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, formula_errors, log_tails_of
 
@@ -171,7 +172,9 @@ def marginal_of(
 ) -> Marginal:
     """Return the marginal fit with these effects, starting at `values`."""
     coordinates = coordinates_with(problem, effects, values)
-    objective = Objective(recordings or problem.with_effects(effects), coordinates, problem.priors)
+    objective = Objective(
+        recordings or problem.with_effects(effects), coordinates, priors_beside(problem.priors, effects)
+    )
     return Marginal.of(objective, SizePriors(effects, coordinates.free), formula_errors(effects), problem.lines)
 
 

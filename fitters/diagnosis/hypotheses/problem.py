@@ -21,6 +21,7 @@ from ..decision_rules import SHARP
 from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
 from .model_under_diagnosis import LayeredModel, ModelUnderDiagnosis
+from .own_losses import priors_beside
 
 _LEAST = 1e-5
 """Smallest size at which a fit can start, relative to the typical one."""
@@ -167,7 +168,8 @@ class Problem:
     def objective(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Objective:
         """Return the objective of a fit with these effects and the present weights."""
         coordinates = self.coordinates(effects, values)
-        return Objective(self.with_effects(effects), coordinates, self.priors, slopes_later=bool(effects))
+        priors = priors_beside(self.priors, effects)
+        return Objective(self.with_effects(effects), coordinates, priors, slopes_later=bool(effects))
 
     def without(self, held: Sequence[NDArray[np.bool_]]) -> "Problem":
         """Return the problem without the `held` points, given as one mask per recording.

@@ -174,6 +174,13 @@ class Effect(ABC):
         """
         return {}
 
+    def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return what it adds to the imaginary part of constants where these are stated, relative to their real parts.
+
+        For each constant (`disk.eps33S`) that it adds to: what is left is the material's own loss.
+        """
+        return {}
+
     @abstractmethod
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the effect; `values` lie within the parameters' limits."""
