@@ -18,6 +18,7 @@ from pzctl.fitters.diagnosis.hypotheses.conditions import as_devices
 from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_out
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, coarseness, fitted, marginal_of, probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
+from pzctl.fitters.diagnosis.hypotheses.own_losses import priors_beside
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.hypotheses.size_priors import (
     SizePriors,
@@ -32,7 +33,10 @@ from pzctl.fitters.diagnosis.search.screening import ScreenedCandidate
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.interface import FitTask
+from pzctl.models import materials
 from pzctl.models.effects import Device, EffectParameter, catalogue
+from pzctl.models.effects.base.scale import resonance
+from pzctl.models.stack import Piezo
 from pzctl.models.sweep import Sweep
 
 FROM_NOTHING = EffectParameter("inductance", "H", typical=2e-8, upper=1e-5, prior=(1.5e-8, 0.9))
@@ -86,6 +90,33 @@ def two_steps(cases) -> Problem:
     sweeps = {step: tuple(read_recording(folder / file) for file in of) for step, of in files.items()}
     task = FitTask(read_build(folder / "build.toml"), sweeps)
     return Problem.of(solve(task, lambda _: None), None)
+
+
+def test_the_library_knows_losses_and_a_relaxation_adds_to_them(lead_case) -> None:
+    problem, sheet = lead_case.problem, materials.find("Pz27").values
+    told = {prior.parameter: prior for prior in problem.priors}
+    for name in ("c33D", "h33", "eps33S"):
+        prior, own = told[f"disk.{name}.im"], sheet[name]
+        assert (prior.mean, prior.u) == (own.im, own.u_im), name
+    (one,) = candidates(problem, ("dielectric-dispersion",))
+    beside = {prior.parameter: prior for prior in priors_beside(problem.priors, (one,))}
+    assert [name for name, prior in beside.items() if prior is not told[name]] == ["disk.eps33S.im"]
+    loss, s, at = beside["disk.eps33S.im"], 0.03, 0.6
+    absent = {name: knob.null for name, knob in zip(one.parameters, one.effect_parameters, strict=True)}
+    values = {**absent, f"{one.prefix}relaxation": s, f"{one.prefix}relaxation_frequency": at}
+    relaxed = lead_case.stack.replace({"disk.eps33S.re": 8e-9, "disk.eps33S.im": -1.4e-10})
+    values |= {"disk.eps33S.re": 8e-9, "disk.eps33S.im": -1.4e-10}
+    device = Device(relaxed).with_effect(one.effect, one.where, {"relaxation": s, "relaxation_frequency": at})
+    (part,) = device.assembly.parts
+    far = np.array([1e3, 1e4]) * resonance(lead_case.stack)  # where nothing relaxes any more
+    (disk,) = (layer for layer in part.stack.layers if layer.name == "disk")
+    assert isinstance(disk, Piezo)
+    own = np.imag(disk.eps_law.over(disk.eps33S, far))
+    assert loss.predicted(values) == pytest.approx(own[-1], rel=0.05), "to first order"
+    for name, slope in loss.slopes(values).items():
+        step = 1e-4 * (abs(values[name]) or 1.0)
+        ends = [loss.predicted({**values, name: values[name] + way * step}) for way in (1, -1)]
+        assert slope == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5, abs=1e-20), name
 
 
 def test_between_two_steps_a_clip_may_change_but_a_bond_stays(two_steps) -> None:
