@@ -22,6 +22,8 @@ from .certainty import Certainties, Certainty, rivals
 from .effect_size import constants_of, largest_of, moved, moves_a_constant
 
 Kind = Literal["finding", "remark"]
+_TOLD = 0.01
+"""Difference of probabilities that is no difference: they are told in hundredths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,9 @@ def _most_certain(search: GreedySearch, certainties: Certainties) -> tuple[Hypot
     probable = search.probable
     more = probable[: min(probable.index(search.null), PARENTS)]
     ends = [_without_the_improbable(search, one, certainties) for one in dict.fromkeys((search.best, *more))]
-    there, sure = max(ends, key=lambda end: sum(one.of_class - NAMED for one in end[1].values()))
+    certain = [sum(one.of_class - NAMED for one in sure.values()) for _, sure in ends]
+    as_certain = [end for end, own in zip(ends, certain, strict=True) if own > max(certain) - _TOLD]
+    there, sure = min(as_certain, key=lambda end: search.probable.index(end[0]))
     final = _most_probable_alike(search, there, sure)
     return final, sure if final is there else certainties.of(final)
 

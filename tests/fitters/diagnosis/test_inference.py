@@ -17,8 +17,9 @@ from pzctl.fitters.diagnosis.decision_rules import ODDS, UNFORESEEN
 from pzctl.fitters.diagnosis.findings import Alternative, Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
+from pzctl.fitters.diagnosis.inference import conclusion
 from pzctl.fitters.diagnosis.inference.averaged_constants import averaged_constants
-from pzctl.fitters.diagnosis.inference.certainty import Certainties
+from pzctl.fitters.diagnosis.inference.certainty import Certainties, Certainty
 from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, conclude
 from pzctl.fitters.diagnosis.inference.data_findings import of_the_data, verdict_with, where_disturbed
 from pzctl.fitters.diagnosis.inference.effect_size import (
@@ -72,6 +73,22 @@ def test_what_is_there_without_a_name_is_no_agreement(lead_case) -> None:
     exact = SimpleNamespace(cause_left=0.0)
     verdicts = [replace(one, final=exact).verdict for one in (agrees, undecided)]
     assert verdicts == ["no-mismatch", "unexplained"]
+
+
+def test_of_two_answers_about_as_certain_the_more_probable_one_is_told(monkeypatch) -> None:
+    null, likely, rare = (SimpleNamespace(effects=(name,) if name else ()) for name in ("", "ml1", "glue1"))
+    search = SimpleNamespace(best=likely, probable=[likely, rare, null], null=null)
+    sure = {"ml1": 0.862, "glue1": 0.865}
+
+    def certain(_search, one, _certainties):
+        return one, {name: Certainty(sure[name], sure[name], frozenset()) for name in one.effects}
+
+    monkeypatch.setattr(conclusion, "_without_the_improbable", certain)
+    monkeypatch.setattr(conclusion, "_most_probable_alike", lambda _search, there, _sure: there)
+    told = [conclusion._most_certain(search, None)[0]]
+    sure["glue1"] = 0.9
+    told.append(conclusion._most_certain(search, None)[0])
+    assert told == [likely, rare]
 
 
 def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(lead_case) -> None:
