@@ -1,7 +1,7 @@
 """Inference through the public results: probabilities of explanations, shifts of constants, undetectable effects."""
 
 import ast
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -75,8 +75,15 @@ def test_what_is_there_without_a_name_is_no_agreement(lead_case) -> None:
     assert verdicts == ["no-mismatch", "unexplained"]
 
 
+@dataclass(eq=False)
+class Answer:
+    """A hypothesis that has effects and nothing else."""
+
+    effects: tuple[str, ...]
+
+
 def test_of_two_answers_about_as_certain_the_more_probable_one_is_told(monkeypatch) -> None:
-    null, likely, rare = (SimpleNamespace(effects=(name,) if name else ()) for name in ("", "ml1", "glue1"))
+    null, likely, rare = (Answer((name,) if name else ()) for name in ("", "ml1", "glue1"))
     search = SimpleNamespace(best=likely, probable=[likely, rare, null], null=null)
     sure = {"ml1": 0.862, "glue1": 0.865}
 
