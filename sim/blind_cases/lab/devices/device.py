@@ -18,8 +18,10 @@ _NODES = 25, 601
 _TAILS = 6.0
 """Standard deviations at which a normal distribution ends."""
 _GRADES = 6
-_HEIGHTS = (0.7, 0.9, 1.05, 1.15, 1.2)
-"""Heights of equal parts of a dot of solder relative to the mean, from its rim to its top."""
+_INSIDE, _AREAS = np.polynomial.legendre.leggauss(40)
+_HEIGHTS = 7 / 6 - 5 / 8 * ((1 - _INSIDE) / 2) ** 2 + 1 / 24
+"""Heights of a dot of solder relative to the mean, from its rim to its top, where it is flat; `_AREAS` is twice the
+part of the area that has each."""
 _SILVER = 6500.0, 2800.0, 25.0
 """kg/m3, m/s and Q of fired silver paste."""
 _BACKING_SPEED = 2300.0
@@ -86,8 +88,8 @@ def columns(f: Reals, specimen: LabDevice, flaws: Flaws, step: str, moment: Inst
     if flaws.dot is not None:
         share, mass, side = flaws.dot
         loaded = [
-            (part * share / len(_HEIGHTS), _with_dot(column, mass * height, side))
-            for height in _HEIGHTS
+            (part * share * area / 2, _with_dot(column, mass * height, side))
+            for height, area in zip(_HEIGHTS.tolist(), _AREAS.tolist(), strict=True)
             for part, column in whole
         ]
         whole = [(part * (1 - share), column) for part, column in whole] + loaded
