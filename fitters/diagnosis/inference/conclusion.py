@@ -113,15 +113,14 @@ def conclude(search: GreedySearch) -> Conclusion:
                 others,
             )
         )
-    something_else = _something_else(search, final.key)
     return Conclusion(
         null=null,
         final=final,
         named=in_order(named),
         remaining=remaining_of(final),
-        something_else=something_else,
+        something_else=_something_else(search, final.key),
         nearest=_nearest(search, null),
-        undecided=_undecided(search) if not named and something_else > 1 - NOTHING else (),
+        undecided=() if named else _undecided(search),
     )
 
 
@@ -193,7 +192,9 @@ def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:
 
 
 def _undecided(search: GreedySearch) -> tuple[Alternative, ...]:
-    """Return the most probable effects, each at its most probable place."""
+    """Return the most probable effects, each at its most probable place, unless there may be none at all."""
+    if dict(search.posterior)[search.null] > NOTHING:
+        return ()
     places = dict[str, str]()
     for one in search.probable:
         for effect in one.effects:
