@@ -38,7 +38,8 @@ def _effect(build: Build, table: Table) -> EffectSpec:
         raise BuildError(f"{table.source}: {table.path}: {error}") from None
     keys = {parameter_key(knob): knob.name for knob in knobs}
     table.only((*EFFECT_ENTRIES, *keys))
-    absent = {knob.name: Quantity(0.0, source="build.toml") for knob in knobs[1:] if knob.from_nothing}
+    left_out = (knob for knob in knobs[1:] if knob.null in (knob.lower, knob.upper))  # which changes nothing
+    absent = {knob.name: Quantity(knob.null, source="build.toml") for knob in left_out}
     given = {name: _quantity(table, key) for key, name in keys.items() if key in table.data}
     return replace(spec, values={**absent, **given})
 

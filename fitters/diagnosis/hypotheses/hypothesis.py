@@ -18,7 +18,7 @@ from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.uncertainty_sources import taken_up
 from ...interface import UNCOMPUTABLE
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS
-from .own_losses import priors_beside
+from .own_losses import log_losses, own_losses
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, formula_errors, log_tails_of
 
@@ -34,7 +34,8 @@ class Hypothesis:
     effects: tuple[Candidate, ...]
     fit: MarginalFit
     log_tails: float
-    """Logarithm of the tails of all priors, of sizes and of dimensions, over the normal density that the fit used."""
+    """Logarithm of the tails of all priors, of sizes and of dimensions, over the normal density that the fit used, and
+    of the prior of the losses, which the fit did not use."""
     log_volume: float
     """Logarithm of the priors' densities at their largest values."""
     log_odds: float
@@ -172,9 +173,7 @@ def marginal_of(
 ) -> Marginal:
     """Return the marginal fit with these effects, starting at `values`."""
     coordinates = coordinates_with(problem, effects, values)
-    objective = Objective(
-        recordings or problem.with_effects(effects), coordinates, priors_beside(problem.priors, effects)
-    )
+    objective = Objective(recordings or problem.with_effects(effects), coordinates, problem.priors)
     return Marginal.of(objective, SizePriors(effects, coordinates.free), formula_errors(effects), problem.lines)
 
 
@@ -205,7 +204,7 @@ def fitted(
         free = marginal.objective.coordinates.free
         more = [marginal_of(problem, effects, other).objective.coordinates for other in others]
         x = plain(marginal, [x, *(other.x for other in more if other.free == free)])
-    return _weighed(effects, fit(marginal, x, starts, rounds, fixed=fixed, compared=compared, barred=barred))
+    return _weighed(problem, effects, fit(marginal, x, starts, rounds, fixed=fixed, compared=compared, barred=barred))
 
 
 def at_minimum(
@@ -220,7 +219,7 @@ def at_minimum(
     `anew`: sizes of errors to begin with where they are to be chosen again, for other recordings.
     """
     found = MarginalFit.at(marginal_of(problem, effects, values), minimum)
-    return _weighed(effects, found.with_sizes_of(anew) if anew else found)
+    return _weighed(problem, effects, found.with_sizes_of(anew) if anew else found)
 
 
 def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
@@ -232,11 +231,12 @@ def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
     return made if np.isfinite(made.log_weight) else None
 
 
-def _weighed(effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
+def _weighed(problem: Problem, effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     priors = SizePriors(effects, found.marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     tails = priors.log_tails(found.x) + log_tails_of(found.marginal.objective.prior_deviations(found.values))
-    return Hypothesis(tuple(effects), found, tails, priors.log_volume(), odds)
+    losses = log_losses(own_losses(problem.losses, effects), found)
+    return Hypothesis(tuple(effects), found, tails + losses, priors.log_volume(), odds)
 
 
 def coarseness(shortfall: float, exact: bool = False) -> float:

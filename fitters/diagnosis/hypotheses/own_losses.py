@@ -1,11 +1,21 @@
-"""Priors of a material's own losses, beside effects that add to them where the constants are stated."""
+"""What is known of a material's losses, and how probable an explanation is that needs other ones.
+
+Fits are not drawn towards them: where the model is wrong, losses stand for what is missing. They tell explanations
+apart: a liquid on a disk needs no ceramic of a third of its Q.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Protocol
 
+import numpy as np
+
+from ....models.base.arrays import Reals
 from ....models.effects import Effect, EffectParameter
 from ...engine.recording import Prior
+from ...error_model.marginal_fit import MarginalFit
+from .size_priors import GROSS, WRONG
 
 _STEP = 1e-6
 """Relative step of differences."""
@@ -58,9 +68,9 @@ class _Added(Protocol):
     def effect_parameters(self) -> tuple[EffectParameter, ...]: ...
 
 
-def priors_beside(priors: Sequence[Prior], added: Sequence[_Added]) -> tuple[Prior, ...]:
-    """Return the priors beside these effects: those of losses are the material's own."""
-    made = list(priors)
+def own_losses(known: Sequence[Prior], added: Sequence[_Added]) -> tuple[Prior, ...]:
+    """Return what is known of losses beside these effects: of the material's own."""
+    made = list(known)
     for one in added:
         knobs = {knob.name: name for knob, name in zip(one.effect_parameters, one.parameters, strict=True)}
         absent = {knob.name: knob.null for knob in one.effect_parameters}
@@ -72,3 +82,35 @@ def priors_beside(priors: Sequence[Prior], added: Sequence[_Added]) -> tuple[Pri
             for prior in made
         ]
     return tuple(made)
+
+
+def log_losses(known: Sequence[Prior], fit: MarginalFit) -> float:
+    """Return ln of the prior density of the losses over its largest value, averaged over what a fit leaves open.
+
+    Each is normal, with tails as dimensions of a build have.
+    """
+    coordinates = fit.marginal.objective.coordinates
+    row = {name: k for k, name in enumerate(coordinates.parameters)}
+    told = [prior for prior in known if set(prior.needs) <= set(row)]
+    if not told:
+        return 0.0
+    values, chain = coordinates.forward(fit.x)
+    away = np.array([(prior.predicted(values) - prior.mean) / prior.u for prior in told])
+    slopes = np.zeros((len(told), len(row)))
+    for own, prior in zip(slopes, told, strict=True):
+        for name, slope in prior.slopes(values).items():
+            own[row[name]] = slope / prior.u
+    moved = slopes @ chain
+    spread = moved @ np.linalg.lstsq(fit.value.H, moved.T, rcond=1e-12)[0]
+    shares = [_normal(away, spread, widths) for widths in product((1.0, WRONG), repeat=away.size)]
+    return float(np.logaddexp.reduce(shares))
+
+
+def _normal(away: Reals, spread: Reals, widths: Sequence[float]) -> float:
+    """Return ln of a normal density of these widths, with its share, averaged over N(away, spread)."""
+    scale = np.array(widths)
+    share = np.log(np.where(scale == 1.0, 1 - GROSS, GROSS / WRONG))
+    whole = np.eye(scale.size) + spread / scale / scale[:, None]
+    _, log_det = np.linalg.slogdet(whole)
+    z = away / scale
+    return float(np.sum(share)) - 0.5 * float(log_det + z @ np.linalg.solve(whole, z))

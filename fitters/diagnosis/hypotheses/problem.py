@@ -10,7 +10,7 @@ from ....models.effects import Device, Effect, EffectParameter
 from ...engine.fitted_model import Diagnosable, FittedModel
 from ...engine.multi_step_fit import Solution, solve
 from ...engine.objective import Objective
-from ...engine.parameters.assembly import priors_of
+from ...engine.parameters.assembly import library_losses, priors_of
 from ...engine.parameters.coordinates import Block, Coordinates, between, hardly_negative, linear
 from ...engine.recording import Prior, Recording
 from ...error_model.error_columns import WeakLine
@@ -21,7 +21,6 @@ from ..decision_rules import SHARP
 from .conditions import as_devices
 from .held_out import BANDS, Masks, held_out
 from .model_under_diagnosis import LayeredModel, ModelUnderDiagnosis
-from .own_losses import priors_beside
 
 _LEAST = 1e-5
 """Smallest size at which a fit can start, relative to the typical one."""
@@ -97,6 +96,8 @@ class Problem:
     """Further resonances that are part of the error model."""
     causal: tuple[PoleFit, ...] = ()
     """What any causal linear device could do, of each recording."""
+    losses: tuple[Prior, ...] = ()
+    """What is known of the materials' losses."""
 
     @property
     def points(self) -> int:
@@ -125,6 +126,7 @@ class Problem:
             values,
             held_out(recordings, hold_out),
             causal=causal,
+            losses=library_losses(solution.build, steps),
         )
 
     @classmethod
@@ -168,8 +170,7 @@ class Problem:
     def objective(self, effects: Sequence[Candidate], values: Mapping[str, float]) -> Objective:
         """Return the objective of a fit with these effects and the present weights."""
         coordinates = self.coordinates(effects, values)
-        priors = priors_beside(self.priors, effects)
-        return Objective(self.with_effects(effects), coordinates, priors, slopes_later=bool(effects))
+        return Objective(self.with_effects(effects), coordinates, self.priors, slopes_later=bool(effects))
 
     def without(self, held: Sequence[NDArray[np.bool_]]) -> "Problem":
         """Return the problem without the `held` points, given as one mask per recording.

@@ -22,7 +22,7 @@ _ABSENT = 0.1
 driven by the voltage, by the strain, or by both, and a compensation may have taken off the resistance of a lead."""
 _TAIL, _SHARE = 4.0, 0.1
 """One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
-_WRONG, _GROSS = 10.0, 0.01
+WRONG, GROSS = 10.0, 0.01
 """One dimension of a build in a hundred comes from a density ten times as wide: a slip of the pen, another sample."""
 
 
@@ -121,7 +121,7 @@ def log_tails_of(z: Reals) -> float:
 
     A dimension of a build may be wrong by more than its uncertainty says.
     """
-    return _over_normal(_mixed(z, _GROSS, _WRONG), z)
+    return _over_normal(_mixed(z, GROSS, WRONG), z)
 
 
 def _over_normal(density: Reals, z: Reals) -> float:

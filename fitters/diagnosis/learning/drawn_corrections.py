@@ -8,7 +8,6 @@ from ....models.base.arrays import Complexes, Frequencies, Reals
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
-from ...error_model.error_columns import stack_of
 from ...error_model.uncertainty_sources import spread_of
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
@@ -48,12 +47,11 @@ def drawn(
     low = min(float(recording.sweep.frequency[0]) for recording in recordings)
     high = max(float(recording.sweep.frequency[-1]) for recording in recordings)
     frequency = np.geomspace(low, high, _SHOWN)
-    basis = effect.basis(stack_of(problem.recordings[-1].model))
     free = made.objective.coordinates.free
     at = [free.index(name) for name in made.effects[-1].parameters]
     a = np.array([made.values[name] for name in made.effects[-1].parameters])
     covariance = spread_of(made.fit).whole[np.ix_(at, at)]
-    unit = np.stack([effect.size * basis.over(frequency, row) for row in np.eye(a.size)], axis=1)
+    unit = np.stack([effect.size * effect.basis.over(frequency, row) for row in np.eye(a.size)], axis=1)
     scale = np.array([_width(made, k) for k in at])
     columns = unit * scale
     u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)

@@ -182,7 +182,7 @@ def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[s
     trials: list[_Trial] = []
     for size in SIZES:
         number = number_at(problem, parent, place.where)
-        one = candidate(SmoothCorrection(place, size, (low, high), number), steps, stack)
+        one = candidate(SmoothCorrection(place, size, (low, high), stack, number), steps, stack)
         try:
             trials.append(_linear(problem, parent, one))
         except UNCOMPUTABLE:

@@ -16,7 +16,6 @@ from ...interface import FitError, FitTask
 from ..data_quality.data_gates import gate
 from ..findings import OtherSample
 from ..hypotheses.candidates import candidates_of
-from ..hypotheses.own_losses import priors_beside
 from ..hypotheses.problem import Candidate, Problem
 from ..search.refit import ROUGH, Refit, finished
 from ..search.trial_fits import null_refit, polish, resoftened
@@ -52,7 +51,7 @@ def carried_over(
     values = {**null.values, **{name: final.values[name] for one in there for name in one.parameters}}
     coordinates = other.coordinates(effects, values)  # the same for both: what is told is told in these
     softly, strictly = (
-        Objective(one.with_effects(effects), coordinates, (*priors_beside(one.priors, effects), told))
+        Objective(one.with_effects(effects), coordinates, (*one.priors, told))
         for one in (resoftened(other, null), other)
     )
     roughly = descend(softly, coordinates.x, ROUGH)

@@ -323,10 +323,24 @@ def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
         piezo = full.split(".")[-1] in PIEZO_CONSTANTS
         if quantity.u > 0:
             priors.append(Prior(f"{full}.re" if piezo else full, quantity.re, quantity.u))
-        if quantity.u_im > 0 and piezo:
+        if quantity.u_im > 0 and piezo and quantity.source == "build.toml":
             priors.append(Prior(f"{full}.im", quantity.im, quantity.u_im))
     of_effects = (prior for one in effects_of(build, steps) for prior in one.priors)
     return (*priors, *of_effects, *weighings_of(build, steps))
+
+
+def library_losses(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
+    """Return what the material library says of the losses of the piezoelectric layers of these steps.
+
+    It tells what causes a misfit. No fit is drawn towards it, for a wrong model would give way.
+    """
+    layers = [layer for layer in layers_of(build, tuple(steps)) if layer.kind == "piezo"]
+    known = {f"{layer.name}.{name}": layer.values[name] for layer in layers for name in PIEZO_CONSTANTS}
+    return tuple(
+        Prior(f"{full}.im", own.im, own.u_im)
+        for full, own in known.items()
+        if own.u_im > 0 and own.source != "build.toml" and own.same_as is None
+    )
 
 
 def weighings_of(build: Build, steps: Iterable[str]) -> tuple[Weighing, ...]:

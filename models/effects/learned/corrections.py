@@ -38,6 +38,7 @@ CONSTANTS = ("stiffness", "permittivity", "coupling")
 
 The load of a face is corrected by a factor as well; the other quantities have an impedance or an admittance added.
 """
+_SYMBOLS: Mapping[str, str] = {"stiffness": "c33D", "permittivity": "eps33S", "coupling": "h33"}
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,12 @@ class Place:
         if self.quantity == "reading":
             return Stage.ACQUISITION
         return Stage.TERMINALS if self.where == TERMINALS else Stage.LAYERS
+
+    @property
+    def constant(self) -> str | None:
+        """The constant that is corrected, as a fit names it (`disk.c33D`); None if it is no constant of a layer."""
+        symbol = _SYMBOLS.get(self.quantity)
+        return None if symbol is None else f"{layer_at(self.where)}.{symbol}"
 
     @property
     def says(self) -> str:

@@ -31,6 +31,9 @@ class Law:
     """Maps x, shape (N,), and the parameters to the function, shape (N,)."""
     says: str
     """Words, with `{what}` and the parameters by name."""
+    taken: Callable[[Values], complex] | None = None
+    """What the complete function has at the reference, which the correction of a constant does not contain; None for
+    other quantities."""
 
 
 def _size(name: str = "size", typical: float = 0.01) -> EffectParameter:
@@ -121,40 +124,27 @@ def _of_constant(quantity: Quantity) -> tuple[Law, ...]:
 def _with_sign(sign: float, power: _Function, ending: str) -> tuple[Law, ...]:
     """Return the laws of a constant that rises (-1) or falls (1) with frequency."""
 
-    def from_reference(of: _Function, sign: float) -> _Function:
-        one = np.ones(1)
-        return lambda x, values: np.asarray(sign * (of(x, values) - of(one, values)), np.complex128)
+    def law(name: str, parameters: tuple[EffectParameter, ...], of: _Function, sign: float, says: str) -> Law:
+        def taken(values: Values) -> complex:
+            return sign * complex(of(np.ones(1), values)[0])
+
+        def beyond(x: Reals, values: Values) -> Complexes:
+            return np.asarray(sign * of(x, values) - taken(values), np.complex128)
+
+        return Law(f"{name}{ending}", parameters, beyond, says, taken)
 
     def relaxation(x: Reals, values: Values) -> Complexes:
         return values["size"] * _relaxed(x, values["at"], values.get("spread", 1.0), values.get("skew", 1.0))
 
-    relaxed = from_reference(relaxation, sign)
+    exponent = _RISING if sign < 0 else _EXPONENT
+    spread = "relaxes at {at} with strength {size} and a spread of times (Cole-Cole exponent {spread})"
+    skewed = "relaxes at {at} with strength {size} (Havriliak-Negami exponents {spread} and {skew})"
     return (
-        Law(
-            f"power{ending}",
-            (_size(), _RISING if sign < 0 else _EXPONENT),
-            from_reference(power, 1.0),
-            "follows a power law with exponent {exponent}",
-        ),
-        Law(f"debye{ending}", (_size(), _at()), relaxed, "relaxes at {at} with strength {size}"),
-        Law(
-            f"cole-cole{ending}",
-            (_size(), _at(), _SPREAD),
-            relaxed,
-            "relaxes at {at} with strength {size} and a spread of times (Cole-Cole exponent {spread})",
-        ),
-        Law(
-            f"havriliak-negami{ending}",
-            (_size(), _at(), _SPREAD, _SKEW),
-            relaxed,
-            "relaxes at {at} with strength {size} (Havriliak-Negami exponents {spread} and {skew})",
-        ),
-        Law(
-            f"resonance{ending}",
-            (_size(), _at(), _Q),
-            from_reference(_resonant, sign),
-            "resonates at {at} with strength {size} and Q {q}",
-        ),
+        law("power", (_size(), exponent), power, 1.0, "follows a power law with exponent {exponent}"),
+        law("debye", (_size(), _at()), relaxation, sign, "relaxes at {at} with strength {size}"),
+        law("cole-cole", (_size(), _at(), _SPREAD), relaxation, sign, spread),
+        law("havriliak-negami", (_size(), _at(), _SPREAD, _SKEW), relaxation, sign, skewed),
+        law("resonance", (_size(), _at(), _Q), _resonant, sign, "resonates at {at} with strength {size} and Q {q}"),
     )
 
 

@@ -107,6 +107,12 @@ class LearnedLaw(Effect):
         """Return the circuit element that is equivalent to a correction at the terminals."""
         return circuit_element(self.place, self.law, self.reference, values["size"])
 
+    def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the loss of the law at its reference, if it corrects a constant."""
+        if self.place.constant is None or self.law.taken is None:
+            return {}
+        return {self.place.constant: self.law.taken(self.dimensionless(values)).imag}
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the correction."""
         return corrected(assembly, self.place, self.correction(values)) if values["size"] > 0 else assembly

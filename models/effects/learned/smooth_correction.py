@@ -41,6 +41,10 @@ class CausalBasis:
         """Return the function with these coefficients of unit normal prior, shape (N,)."""
         return self._functions(frequency) @ coefficients
 
+    def taken(self, coefficients: Reals) -> complex:
+        """Return what the complete function of a factor has at the reference."""
+        return complex((1 / (1 + 1j * self.reference / self.poles)) @ self.weights @ coefficients)
+
     def _functions(self, frequency: Frequencies) -> Complexes:
         """Return every function at these frequencies, shape (N, M)."""
         for where, known in self._known:
@@ -83,30 +87,39 @@ class SmoothCorrection(Effect):
         "Sargsyan, Najm and Ghanem, Int. J. Chem. Kinet. 47 (2015) 246: discrepancy embedded in the model",
     )
 
-    def __init__(self, place: Place, size: float, band: tuple[float, float], number: int = 1) -> None:
-        """Make the effect; `band`: Hz; `number`: which of the learned effects at its place it is."""
-        self.place, self.size, self.band, self.number = place, size, band, number
+    def __init__(self, place: Place, size: float, band: tuple[float, float], stack: Stack, number: int = 1) -> None:
+        """Make the effect; `band`: Hz; `number`: which of the learned effects at its place it is.
+
+        The reference of a constant's correction is the resonance of `stack`.
+        """
+        self.place, self.size, self.number = place, size, number
         self.stage = place.stage
+        self.basis = causal_basis(*band, resonance(stack), added=place.quantity not in CONSTANTS)
+        """The functions of the correction."""
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return its place."""
         return (self.place.where,)
 
-    def basis(self, stack: Stack) -> CausalBasis:
-        """Return the functions of the correction."""
-        return causal_basis(*self.band, resonance(stack), added=self.place.quantity not in CONSTANTS)
-
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the coefficients of the functions, in prior standard deviations."""
-        count = self.basis(stack).weights.shape[1]
+        count = self.basis.weights.shape[1]
         return tuple(
             EffectParameter(f"a{k}", "1", typical=1.0, lower=-30.0, upper=30.0, prior=(0.0, 1.0)) for k in range(count)
         )
 
+    def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the loss of the correction at its reference, if it corrects a constant."""
+        if self.place.constant is None:
+            return {}
+        return {self.place.constant: self.size * self.basis.taken(self._coefficients(values)).imag}
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the correction."""
-        basis, size = self.basis(assembly.nominal), self.size
-        a = np.array([values[f"a{k}"] for k in range(basis.weights.shape[1])])
+        a = self._coefficients(values)
         if not np.any(a):
             return assembly
-        return corrected(assembly, self.place, lambda f: size * basis.over(f, a))
+        return corrected(assembly, self.place, lambda f: self.size * self.basis.over(f, a))
+
+    def _coefficients(self, values: Mapping[str, float]) -> Reals:
+        return np.array([values[f"a{k}"] for k in range(self.basis.weights.shape[1])])

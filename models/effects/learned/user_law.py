@@ -86,6 +86,10 @@ class UserLaw(Effect):
         """Return the circuit element that is equivalent to a correction at the terminals."""
         return circuit_element(self.place, self.law, self.reference, values["size"])
 
+    def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Return the loss of the law at its reference, if it corrects a constant."""
+        return self._at(where, equivalent_plate("plate", 1e-9, self.reference)).added_losses(where, values)
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the correction."""
         return self._at(where, assembly.nominal).extend(assembly, where, values)

@@ -18,7 +18,7 @@ from pzctl.fitters.diagnosis.hypotheses.conditions import as_devices
 from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_out
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, coarseness, fitted, marginal_of, probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
-from pzctl.fitters.diagnosis.hypotheses.own_losses import priors_beside
+from pzctl.fitters.diagnosis.hypotheses.own_losses import own_losses
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.hypotheses.size_priors import (
     SizePriors,
@@ -31,6 +31,7 @@ from pzctl.fitters.diagnosis.hypotheses.size_priors import (
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.screening import ScreenedCandidate
 from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.engine.recording import Prior
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.interface import FitTask
 from pzctl.models import materials
@@ -94,29 +95,45 @@ def two_steps(cases) -> Problem:
 
 def test_the_library_knows_losses_and_a_relaxation_adds_to_them(lead_case) -> None:
     problem, sheet = lead_case.problem, materials.find("Pz27").values
-    told = {prior.parameter: prior for prior in problem.priors}
-    for name in ("c33D", "h33", "eps33S"):
-        prior, own = told[f"disk.{name}.im"], sheet[name]
-        assert (prior.mean, prior.u) == (own.im, own.u_im), name
+    told = {prior.parameter: prior for prior in problem.losses}
+    assert {(name, one.mean, one.u) for name, one in told.items()} == {
+        (f"disk.{name}.im", sheet[name].im, sheet[name].u_im) for name in ("c33D", "h33", "eps33S")
+    }
     (one,) = candidates(problem, ("dielectric-dispersion",))
-    beside = {prior.parameter: prior for prior in priors_beside(problem.priors, (one,))}
+    beside = {prior.parameter: prior for prior in own_losses(problem.losses, (one,))}
     assert [name for name, prior in beside.items() if prior is not told[name]] == ["disk.eps33S.im"]
-    loss, s, at = beside["disk.eps33S.im"], 0.03, 0.6
+    loss, knobs = beside["disk.eps33S.im"], {"relaxation": 0.03, "relaxation_frequency": 0.6}
     absent = {name: knob.null for name, knob in zip(one.parameters, one.effect_parameters, strict=True)}
-    values = {**absent, f"{one.prefix}relaxation": s, f"{one.prefix}relaxation_frequency": at}
-    relaxed = lead_case.stack.replace({"disk.eps33S.re": 8e-9, "disk.eps33S.im": -1.4e-10})
+    values = {**absent, **{one.prefix + name: value for name, value in knobs.items()}}
     values |= {"disk.eps33S.re": 8e-9, "disk.eps33S.im": -1.4e-10}
-    device = Device(relaxed).with_effect(one.effect, one.where, {"relaxation": s, "relaxation_frequency": at})
-    (part,) = device.assembly.parts
-    far = np.array([1e3, 1e4]) * resonance(lead_case.stack)  # where nothing relaxes any more
+    device = Device(lead_case.stack.replace({name: values[name] for name in ("disk.eps33S.re", "disk.eps33S.im")}))
+    (part,) = device.with_effect(one.effect, one.where, knobs).assembly.parts
     (disk,) = (layer for layer in part.stack.layers if layer.name == "disk")
     assert isinstance(disk, Piezo)
-    own = np.imag(disk.eps_law.over(disk.eps33S, far))
-    assert loss.predicted(values) == pytest.approx(own[-1], rel=0.05), "to first order"
+    far = np.array([1e4]) * resonance(lead_case.stack)  # where nothing relaxes any more
+    (own,) = np.imag(disk.eps_law.over(disk.eps33S, far))
+    assert loss.predicted(values) == pytest.approx(own, rel=0.05), "to first order"
     for name, slope in loss.slopes(values).items():
         step = 1e-4 * (abs(values[name]) or 1.0)
         ends = [loss.predicted({**values, name: values[name] + way * step}) for way in (1, -1)]
         assert slope == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5, abs=1e-20), name
+
+
+def test_losses_weigh_explanations_as_a_prior_would_but_draw_no_fit(lead_case) -> None:
+    problem = replace(lead_case.problem, losses=())
+
+    def made(problem: Problem) -> Hypothesis:
+        return fitted(problem, (lead_case.lead,), problem.values, (ErrorSizes(),), fixed=True)
+
+    free = made(problem)
+    loss = free.values["disk.c33D.im"]
+    for known in (0.9, 0.5, 2.0):  # of the loss that was fitted
+        prior = Prior("disk.c33D.im", known * loss, 0.3 * known * abs(loss))
+        told, drawn = made(replace(problem, losses=(prior,))), made(replace(problem, priors=(*problem.priors, prior)))
+        assert told.values["disk.c33D.im"] == pytest.approx(loss, rel=1e-6)
+        assert told.log_evidence - free.log_evidence == pytest.approx(drawn.log_evidence - free.log_evidence, abs=0.2)
+    far = made(replace(problem, losses=(Prior("disk.c33D.im", 30 * loss, loss),)))
+    assert -13 < far.log_evidence - free.log_evidence < -9, "one in a hundred is off by ten times what is said"
 
 
 def test_between_two_steps_a_clip_may_change_but_a_bond_stays(two_steps) -> None:

@@ -26,7 +26,7 @@ EVERY_LAW = [(quantity, law) for quantity in ("stiffness", "permittivity", "seri
 
 @pytest.mark.parametrize("place", places(GLUED), ids=lambda place: f"{place.where}-{place.quantity}")
 def test_a_correction_at_each_place_changes_the_impedance_and_has_a_derivative(place: Place) -> None:
-    device = Device(GLUED).with_effect(SmoothCorrection(place, 0.01, BAND), place.where)
+    device = Device(GLUED).with_effect(SmoothCorrection(place, 0.01, BAND, GLUED), place.where)
     name = f"learned@{place.where}.a0"
     Z, (slope,) = device.jacobian(F, [name])
     np.testing.assert_allclose(Z, GLUED.impedance(F), rtol=1e-12)
