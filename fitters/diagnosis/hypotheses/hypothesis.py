@@ -11,7 +11,7 @@ from ....models.base.arrays import Complexes, Reals
 from ....models.effects.base.corrected_constants import Corrections
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
-from ...engine.recording import Recording
+from ...engine.recording import Prior, Recording
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
@@ -39,6 +39,8 @@ class Hypothesis:
     log_volume: float
     """Logarithm of the priors' densities at their largest values."""
     log_odds: float
+    losses: tuple[Prior, ...] = ()
+    """What is known of the materials' own losses."""
 
     @property
     def key(self) -> frozenset[Candidate]:
@@ -235,8 +237,8 @@ def _weighed(problem: Problem, effects: Sequence[Candidate], found: MarginalFit)
     priors = SizePriors(effects, found.marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     tails = priors.log_tails(found.x) + log_tails_of(found.marginal.objective.prior_deviations(found.values))
-    losses = log_losses(own_losses(problem.losses, effects), found)
-    return Hypothesis(tuple(effects), found, tails + losses, priors.log_volume(), odds)
+    losses = own_losses(problem.losses, effects)
+    return Hypothesis(tuple(effects), found, tails + log_losses(losses, found), priors.log_volume(), odds, losses)
 
 
 def coarseness(shortfall: float, exact: bool = False) -> float:

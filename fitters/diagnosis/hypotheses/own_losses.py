@@ -89,21 +89,30 @@ def log_losses(known: Sequence[Prior], fit: MarginalFit) -> float:
 
     Each is normal, with tails as dimensions of a build have.
     """
+    away, moved = _losses_at(known, fit)
+    spread = moved @ np.linalg.lstsq(fit.value.H, moved.T, rcond=1e-12)[0]
+    shares = [_normal(away, spread, widths) for widths in product((1.0, WRONG), repeat=away.size)]
+    return float(np.logaddexp.reduce(shares))
+
+
+def drawn_by_losses(known: Sequence[Prior], fit: MarginalFit) -> tuple[Reals, Reals]:
+    """Return the information (M, M) of the losses' priors, and minus the gradient (M,), in the coordinates of a fit."""
+    away, moved = _losses_at(known, fit)
+    return moved.T @ moved, moved.T @ away
+
+
+def _losses_at(known: Sequence[Prior], fit: MarginalFit) -> tuple[Reals, Reals]:
+    """Return how far the losses are from what is known, in standard uncertainties (K,), and the derivatives (K, M)."""
     coordinates = fit.marginal.objective.coordinates
     row = {name: k for k, name in enumerate(coordinates.parameters)}
     told = [prior for prior in known if set(prior.needs) <= set(row)]
-    if not told:
-        return 0.0
     values, chain = coordinates.forward(fit.x)
     away = np.array([(prior.predicted(values) - prior.mean) / prior.u for prior in told])
     slopes = np.zeros((len(told), len(row)))
     for own, prior in zip(slopes, told, strict=True):
         for name, slope in prior.slopes(values).items():
             own[row[name]] = slope / prior.u
-    moved = slopes @ chain
-    spread = moved @ np.linalg.lstsq(fit.value.H, moved.T, rcond=1e-12)[0]
-    shares = [_normal(away, spread, widths) for widths in product((1.0, WRONG), repeat=away.size)]
-    return float(np.logaddexp.reduce(shares))
+    return away, slopes @ chain
 
 
 def _normal(away: Reals, spread: Reals, widths: Sequence[float]) -> float:

@@ -16,6 +16,7 @@ from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.point_covariance import Kernel, PointErrors
 from ..decision_rules import ABSORBED, NAMED
 from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.own_losses import drawn_by_losses
 from ..hypotheses.problem import Candidate, Problem
 from .echo_delays import likely_delays
 from .weak_lines import strongest_lines
@@ -276,9 +277,11 @@ def _gains(
     C, M = on.size, J[0].shape[1]
     own = G[:-1, :-1].copy()
     own[:C, :C] += np.eye(C)
-    own[C:, C:] += made.before.P
+    # the constants may have taken over what an effect does, at the price of losses that no such material has
+    information, pull = drawn_by_losses(parent.losses, parent.fit)
+    own[C:, C:] += made.before.P + information
     right = np.concatenate([beside[:-1], G[:-1, -1:]], axis=1)
-    right[C:, -1] += made.before.g
+    right[C:, -1] += made.before.g + pull
     unit = np.sqrt(np.maximum(np.diag(own), 1e-300))
     solved = np.linalg.solve(own / unit / unit[:, None] + 1e-11 * np.eye(C + M), right / unit[:, None])
     right = right / unit[:, None]
