@@ -7,14 +7,13 @@ apart: a liquid on a disk needs no ceramic of a third of its Q.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Protocol
 
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ....models.effects import Effect, EffectParameter
 from ...engine.recording import Prior
 from ...error_model.marginal_fit import MarginalFit
+from .problem import Candidate
 from .size_priors import GROSS, WRONG
 
 _STEP = 1e-6
@@ -23,12 +22,9 @@ _STEP = 1e-6
 
 @dataclass(frozen=True)
 class OwnLoss(Prior):
-    """The imaginary part of a constant (`parameter`) without what an effect adds to it."""
+    """The imaginary part of a constant (`parameter`) without what effects add to it."""
 
-    effect: Effect
-    where: str
-    knobs: Mapping[str, str]
-    """The effect's parameters in the fit by their names in the effect."""
+    added: tuple[Candidate, ...]
 
     @property
     def _constant(self) -> str:
@@ -36,17 +32,16 @@ class OwnLoss(Prior):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Both parts of the constant, and the effect's parameters."""
-        return (self.parameter, f"{self._constant}.re", *self.knobs.values())
+        """Both parts of the constant, and the effects' parameters."""
+        return (self.parameter, f"{self._constant}.re", *(name for one in self.added for name in one.parameters))
 
     def predicted(self, values: Mapping[str, float]) -> float:
         """Return the material's own imaginary part."""
-        own = {name: values[full] for name, full in self.knobs.items()}
-        added = self.effect.added_losses(self.where, own)[self._constant]
+        added = sum(_losses(one, values)[self._constant] for one in self.added)
         return values[self.parameter] - values[f"{self._constant}.re"] * added
 
     def slopes(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the derivatives of the own part by the constant's parts and the effect's parameters."""
+        """Return the derivatives of the own part by the constant's parts and the effects' parameters."""
         slopes = {self.parameter: 1.0}
         for name in self.needs[1:]:
             step = _STEP * (abs(values[name]) or 1.0)
@@ -55,33 +50,24 @@ class OwnLoss(Prior):
         return slopes
 
 
-class _Added(Protocol):
-    """An effect at a place, with its parameters in a fit."""
-
-    @property
-    def effect(self) -> Effect: ...
-    @property
-    def where(self) -> str: ...
-    @property
-    def parameters(self) -> tuple[str, ...]: ...
-    @property
-    def effect_parameters(self) -> tuple[EffectParameter, ...]: ...
+def _losses(one: Candidate, values: Mapping[str, float]) -> Mapping[str, float]:
+    pairs = zip(one.effect_parameters, one.parameters, strict=True)
+    return one.effect.added_losses(one.where, {knob.name: values[name] for knob, name in pairs})
 
 
-def own_losses(known: Sequence[Prior], added: Sequence[_Added]) -> tuple[Prior, ...]:
+def own_losses(known: Sequence[Prior], added: Sequence[Candidate]) -> tuple[Prior, ...]:
     """Return what is known of losses beside these effects: of the material's own."""
-    made = list(known)
+    by_constant: dict[str, tuple[Candidate, ...]] = {}
     for one in added:
-        knobs = {knob.name: name for knob, name in zip(one.effect_parameters, one.parameters, strict=True)}
-        absent = {knob.name: knob.null for knob in one.effect_parameters}
-        lossy = {f"{constant}.im" for constant in one.effect.added_losses(one.where, absent)}
-        made = [
-            OwnLoss(prior.parameter, prior.mean, prior.u, one.effect, one.where, knobs)
-            if prior.parameter in lossy
-            else prior
-            for prior in made
-        ]
-    return tuple(made)
+        absent = {name: knob.null for knob, name in zip(one.effect_parameters, one.parameters, strict=True)}
+        for constant in _losses(one, absent):
+            by_constant[f"{constant}.im"] = (*by_constant.get(f"{constant}.im", ()), one)
+    return tuple(
+        OwnLoss(prior.parameter, prior.mean, prior.u, by_constant[prior.parameter])
+        if prior.parameter in by_constant
+        else prior
+        for prior in known
+    )
 
 
 def log_losses(known: Sequence[Prior], fit: MarginalFit) -> float:
