@@ -1,4 +1,7 @@
-"""Effects that real devices do not have as their formulas say: solder is no rigid mass, a void has a loose rim."""
+"""Effects that real devices do not have as their formulas say: solder is no rigid mass, a void has a loose rim.
+
+Two complete searches, two minutes.
+"""
 
 from dataclasses import replace
 
