@@ -73,22 +73,31 @@ def own_losses(known: Sequence[Prior], added: Sequence[Candidate]) -> tuple[Prio
 def log_losses(known: Sequence[Prior], fit: MarginalFit) -> float:
     """Return ln of the prior density of the losses over its largest value, averaged over what a fit leaves open.
 
-    Each is normal, with tails as dimensions of a build have.
+    Each is normal, with tails as dimensions of a build have. What a fit leaves open of several layers together counts
+    for each of them alone.
     """
-    away, moved = _losses_at(known, fit)
+    told, away, moved = _losses_at(known, fit)
     spread = moved @ np.linalg.lstsq(fit.value.H, moved.T, rcond=1e-12)[0]
-    shares = [_normal(away, spread, widths) for widths in product((1.0, WRONG), repeat=away.size)]
-    return float(np.logaddexp.reduce(shares))
+    layers = [prior.parameter.partition(".")[0] for prior in told]
+    total = 0.0
+    for layer in dict.fromkeys(layers):
+        own = np.flatnonzero([name == layer for name in layers])
+        combinations = product((1.0, WRONG), repeat=own.size)
+        total += np.logaddexp.reduce([_normal(away[own], spread[np.ix_(own, own)], one) for one in combinations])
+    return float(total)
 
 
 def drawn_by_losses(known: Sequence[Prior], fit: MarginalFit) -> tuple[Reals, Reals]:
     """Return the information (M, M) of the losses' priors, and minus the gradient (M,), in the coordinates of a fit."""
-    away, moved = _losses_at(known, fit)
+    _, away, moved = _losses_at(known, fit)
     return moved.T @ moved, moved.T @ away
 
 
-def _losses_at(known: Sequence[Prior], fit: MarginalFit) -> tuple[Reals, Reals]:
-    """Return how far the losses are from what is known, in standard uncertainties (K,), and the derivatives (K, M)."""
+def _losses_at(known: Sequence[Prior], fit: MarginalFit) -> tuple[Sequence[Prior], Reals, Reals]:
+    """Return what is known of the losses that a fit has, and by how many standard uncertainties it is off there, (K,).
+
+    With its derivatives by the coordinates, shape (K, M).
+    """
     coordinates = fit.marginal.objective.coordinates
     row = {name: k for k, name in enumerate(coordinates.parameters)}
     told = [prior for prior in known if set(prior.needs) <= set(row)]
@@ -98,7 +107,7 @@ def _losses_at(known: Sequence[Prior], fit: MarginalFit) -> tuple[Reals, Reals]:
     for own, prior in zip(slopes, told, strict=True):
         for name, slope in prior.slopes(values).items():
             own[row[name]] = slope / prior.u
-    return away, slopes @ chain
+    return told, away, slopes @ chain
 
 
 def _normal(away: Reals, spread: Reals, widths: Sequence[float]) -> float:

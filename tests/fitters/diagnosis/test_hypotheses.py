@@ -18,7 +18,7 @@ from pzctl.fitters.diagnosis.hypotheses.conditions import as_devices
 from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_out
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, coarseness, fitted, marginal_of, probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import FLAWS, RangeStep
-from pzctl.fitters.diagnosis.hypotheses.own_losses import own_losses
+from pzctl.fitters.diagnosis.hypotheses.own_losses import log_losses, own_losses
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.hypotheses.size_priors import (
     SizePriors,
@@ -134,6 +134,21 @@ def test_losses_weigh_explanations_as_a_prior_would_but_draw_no_fit(lead_case) -
         assert told.log_evidence - free.log_evidence == pytest.approx(drawn.log_evidence - free.log_evidence, abs=0.2)
     far = made(replace(problem, losses=(Prior("disk.c33D.im", 30 * loss, loss),)))
     assert -13 < far.log_evidence - free.log_evidence < -9, "one in a hundred is off by ten times what is said"
+
+
+def test_losses_of_a_dozen_ceramics_cost_no_more_than_a_dozen_times_those_of_one() -> None:
+    def of(layers: int) -> float:
+        """Return ln of the density for ceramics that are all alike; combinations of all would be 2^36."""
+        names = [f"p{k}.{constant}.im" for k in range(layers) for constant in ("c33D", "h33", "eps33S")]
+        count = len(names)
+        coordinates = SimpleNamespace(
+            parameters=names, forward=lambda x: (dict(zip(names, x, strict=True)), np.eye(count))
+        )
+        marginal = SimpleNamespace(objective=SimpleNamespace(coordinates=coordinates))
+        fit = SimpleNamespace(marginal=marginal, x=np.full(count, 0.3), value=SimpleNamespace(H=100 * np.eye(count)))
+        return log_losses([Prior(name, 0.0, 1.0) for name in names], fit)
+
+    assert of(12) == pytest.approx(12 * of(1))
 
 
 def test_between_two_steps_a_clip_may_change_but_a_bond_stays(two_steps) -> None:
