@@ -25,6 +25,10 @@ NAMED = 0.5
 NOTHING = 0.05
 """Probability of no effect at all below which a recording shows something, even if no effect can be named: so often is
 that a false alarm."""
+TOLD = 0.01
+"""Difference of probabilities that is none: they are told in hundredths."""
+LISTED = 3
+"""Number of effects that are listed where none can be named."""
 CLASS = 0.9
 """Correlation of two effects, after projecting out constants and errors, from which they count as look-alikes."""
 CLASS_NATS = 3.0

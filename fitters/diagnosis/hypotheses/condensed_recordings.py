@@ -42,7 +42,7 @@ def condensed(problem: Problem, colour: float) -> Problem:
     if sum(_Groups.of(np.log(own.frequency), np.log(own.impedance)).counts.size for own in sweeps) > most:
         return problem
     made = tuple(_condensed(*one, colour) for one in zip(problem.recordings, problem.causal, strict=True))
-    shorter = replace(problem, recordings=made, proof=())
+    shorter = replace(problem, recordings=made, proof=(), causal=())
     return shorter if shorter.points < most else problem
 
 

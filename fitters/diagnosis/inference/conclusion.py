@@ -10,7 +10,7 @@ import numpy as np
 from ....models.effects.base.effect import TERMINALS
 from ...error_model.instrument_share import accuracy_of
 from ...error_model.uncertainty_sources import taken_up
-from ..decision_rules import NAMED, NOTHING, PARENTS, SUBSTITUTES, TOLERATED
+from ..decision_rules import LISTED, NAMED, NOTHING, PARENTS, TOLD, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
@@ -22,8 +22,6 @@ from .certainty import Certainties, Certainty, rivals
 from .effect_size import constants_of, largest_of, moved, moves_a_constant
 
 Kind = Literal["finding", "remark"]
-_TOLD = 0.01
-"""Difference of probabilities that is no difference: they are told in hundredths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +138,7 @@ def _most_certain(search: GreedySearch, certainties: Certainties) -> tuple[Hypot
     more = probable[: min(probable.index(search.null), PARENTS)]
     ends = [_without_the_improbable(search, one, certainties) for one in dict.fromkeys((search.best, *more))]
     certain = [sum(one.of_class - NAMED for one in sure.values()) for _, sure in ends]
-    as_certain = [end for end, own in zip(ends, certain, strict=True) if own > max(certain) - _TOLD]
+    as_certain = [end for end, own in zip(ends, certain, strict=True) if own > max(certain) - TOLD]
     there, sure = min(as_certain, key=lambda end: search.probable.index(end[0]))
     final = _most_probable_alike(search, there, sure)
     return final, sure if final is there else certainties.of(final)
@@ -200,7 +198,7 @@ def _undecided(search: GreedySearch) -> tuple[Alternative, ...]:
         for effect in one.effects:
             places.setdefault(effect.effect.name, effect.where)
     own = [Alternative(name, where, search.inclusion({name})) for name, where in places.items() if name != UNKNOWN]
-    return tuple(sorted(own, key=lambda one: -one.probability)[:SUBSTITUTES])
+    return tuple(sorted(own, key=lambda one: -one.probability)[:LISTED])
 
 
 def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] | None:

@@ -67,6 +67,7 @@ def _with(conclusion: Conclusion, final: Hypothesis, named: Sequence[NamedEffect
         named=in_order(named),
         remaining=remaining_of(final),
         nearest=None,
+        undecided=(),
     )
 
 
