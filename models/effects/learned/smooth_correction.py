@@ -43,7 +43,7 @@ class CausalBasis:
 
     def taken(self, coefficients: Reals) -> complex:
         """Return what the complete function of a factor has at the reference."""
-        return complex((1 / (1 + 1j * self.reference / self.poles)) @ self.weights @ coefficients)
+        return complex(_relaxations(np.array([self.reference]), self.poles)[0] @ self.weights @ coefficients)
 
     def _functions(self, frequency: Frequencies) -> Complexes:
         """Return every function at these frequencies, shape (N, M)."""
@@ -56,11 +56,15 @@ class CausalBasis:
 
 
 def _terms(frequency: Frequencies, poles: Reals, reference: float, *, added: bool) -> Complexes:
-    made = np.asarray(1 / (1 + 1j * frequency[:, None] / poles), np.complex128)
+    made = _relaxations(frequency, poles)
     if not added:
-        return np.asarray(made - 1 / (1 + 1j * reference / poles), np.complex128)
+        return np.asarray(made - _relaxations(np.array([reference]), poles), np.complex128)
     more = np.stack([np.ones(frequency.size), 1j * frequency / reference], axis=1)
     return np.asarray(np.concatenate([made, more], axis=1), np.complex128)
+
+
+def _relaxations(frequency: Frequencies, poles: Reals) -> Complexes:
+    return np.asarray(1 / (1 + 1j * frequency[:, None] / poles), np.complex128)
 
 
 @lru_cache(maxsize=32)

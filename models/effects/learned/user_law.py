@@ -27,8 +27,13 @@ _INSIDE = 1e-3
 
 def law_parameters(place: Place, law: Law, reference: float) -> tuple[EffectParameter, ...]:
     """Return the parameters of a law with their units and limits, for a place of any sample."""
-    anything = equivalent_plate("plate", 1e-9, reference)  # sets typical sizes only, which nobody asks for here
+    anything = _any_plate(reference)
     return LearnedLaw(place, law, anything, reference).effect_parameters(anything, place.where)
+
+
+def _any_plate(reference: float) -> Stack:
+    """Return a stack that sets typical sizes only, where nobody asks for them."""
+    return equivalent_plate("plate", 1e-9, reference)
 
 
 class UserLaw(Effect):
@@ -88,7 +93,7 @@ class UserLaw(Effect):
 
     def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the loss of the law at its reference, if it corrects a constant."""
-        return self._at(where, equivalent_plate("plate", 1e-9, self.reference)).added_losses(where, values)
+        return self._at(where, _any_plate(self.reference)).added_losses(where, values)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the correction."""

@@ -44,6 +44,19 @@ def test_a_smooth_correction_is_causal_its_real_part_follows_from_its_imaginary_
     assert np.sum(before[: len(before) // 2] ** 2) < 1e-3 * np.sum(after**2), "nothing answers before it is asked"
 
 
+def test_a_correction_lacks_what_its_function_has_at_the_reference() -> None:
+    """Far above the band nothing relaxes any more: what is left of a correction is what was taken off."""
+    values, far = {"size": 0.1, "at": 0.7, "spread": 0.9, "skew": 0.8}, np.array([1e12])
+    relaxations = [law for law in laws("permittivity") if law.name in ("debye", "cole-cole", "havriliak-negami")]
+    for law in relaxations:
+        assert law.taken is not None
+        assert law.of(far, values)[0] == pytest.approx(-law.taken(values), rel=1e-6)
+    assert len(relaxations) == 3
+    basis = causal_basis(*BAND, 4e6, added=False)
+    a = np.random.default_rng(2).standard_normal(basis.weights.shape[1])
+    assert basis.over(np.array([1e18]), a)[0] == pytest.approx(-basis.taken(a), rel=1e-6)
+
+
 def _values(law: Law, shares: list[float]) -> dict[str, float]:
     limits = {"size": (1e-3, 1.0), "at": (0.1, 10.0), "q": (1.0, 100.0), "delay": (0.2, 20.0)}
     return {
