@@ -77,7 +77,8 @@ def page() -> str:
     parts += [_table(keys.LIMIT_ENTRIES), "The constants are those of `[[layers]]`, and the derived ones:"]
     parts += [_table(keys.DERIVED_KEYS), "## `[measurement]`", _table(keys.MEASUREMENT_ENTRIES)]
     parts += ["Any other key holds a text or a number.", "## `[[effects]]`", _table(keys.EFFECT_ENTRIES)]
-    parts += ["An effect's parameters; one with `u` is fitted:", _effects()]
+    left_out = "one that does nothing at an end of its range may be left out"
+    parts += [f"An effect's parameters; one with `u` is fitted, {left_out}:", _effects()]
     parts += [_MATERIALS, "## `[[materials]]`", _table(keys.MATERIAL_ENTRIES), "At least one constant is needed."]
     parts += ['With `kind = "piezo"`:', _table(keys.material_keys("piezo"))]
     parts += ["With another kind:", _table(keys.material_keys("elastic"))]
