@@ -72,6 +72,15 @@ class Candidate:
         sharp = any(knob.name == "q" and knob.upper > SHARP for knob in self.effect_parameters)
         return sharp and len(self.resonance_parameters) == 1
 
+    def taking(self, other: "Candidate", values: Mapping[str, float]) -> dict[str, float]:
+        """Return its parameters with the values of the same effect at another place, as far as that has them."""
+        own = {knob.name for knob in other.effect_parameters}
+        return {
+            name: values[other.prefix + knob.name]
+            for name, knob in zip(self.parameters, self.effect_parameters, strict=True)
+            if knob.name in own
+        }
+
     def blocks(self, values: Mapping[str, float]) -> tuple[Block, ...]:
         """Return the coordinates of its parameters within their physical limits, for a fit that starts at `values`."""
         return tuple(

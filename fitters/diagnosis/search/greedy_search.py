@@ -159,8 +159,7 @@ class GreedySearch(FittedHypotheses):
                     continue
                 if frozenset((*rest, other)) in self.found:
                     continue
-                there = {new: one.values[old] for new, old in zip(other.parameters, effect.parameters, strict=True)}
-                plans.append(Plan((*rest, other), {**one.values, **there}, (one.fit.sizes,)))
+                plans.append(Plan((*rest, other), {**one.values, **other.taking(effect, one.values)}, (one.fit.sizes,)))
         self.fit(plans)
         self.polish()
 

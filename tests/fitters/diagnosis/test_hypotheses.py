@@ -190,6 +190,22 @@ def test_an_effect_is_moved_to_no_place_where_there_is_one_of_its_kind(two_steps
         assert len(set(places)) == len(places)
 
 
+def test_an_effect_is_moved_with_the_parameters_that_it_has_at_both_places(two_steps, monkeypatch) -> None:
+    every = candidates(two_steps, ("electrode-mass",))
+    (back,) = (one for one in every if one.where == "face:back")
+    search = GreedySearch(two_steps, every)
+    planned = []
+    monkeypatch.setattr(search, "fit", planned.extend)
+    monkeypatch.setattr(search, "polish", lambda: None)
+    values = {back.prefix + "mass": 0.03, back.prefix + "impedance": 2e7, back.prefix + "other": 0.5}
+    search.relocate(SimpleNamespace(effects=(back,), values=values, fit=SimpleNamespace(sizes=ErrorSizes())))
+    assert any(len(one.parameters) < len(back.parameters) for plan in planned for one in plan.effects)
+    for plan in planned:
+        (one,) = plan.effects
+        there = {name.removeprefix(one.prefix): plan.values[name] for name in one.parameters}
+        assert there == {name: values[back.prefix + name] for name in there}
+
+
 def test_a_further_resonance_is_searched_for_within_the_recording(lead_case) -> None:
     f = lead_case.task.sweeps["disk"][0].frequency
     (line, *_) = candidates(lead_case.problem, ("spurious-resonance",))
