@@ -98,6 +98,11 @@ def parameter_key(knob: EffectParameter) -> str:
     return knob.name if unit in ("", "1") else f"{knob.name}_{unit}"
 
 
+def may_be_left_out(knobs: Sequence[EffectParameter]) -> list[EffectParameter]:
+    """Return those of an effect's parameters that a build need not state: at an end of their range they do nothing."""
+    return [knob for knob in knobs[1:] if knob.null in (knob.lower, knob.upper)]
+
+
 def effect_parameters(
     spec: EffectSpec, stacks: Mapping[str, Stack], number: int = 1
 ) -> tuple[Effect, tuple[EffectParameter, ...]]:
@@ -151,7 +156,8 @@ def _known(spec: EffectSpec, stacks: Mapping[str, Stack], number: int) -> KnownE
             raise KnownEffectError(f"{effect.name}: {name!r} is none of its parameters: {', '.join(keys)}")
     for knob in knobs:
         if knob.name not in spec.values:
-            raise KnownEffectError(f"{effect.name} has no {keys[knob.name]}; it needs {', '.join(keys.values())}")
+            needed = [keys[one.name] for one in knobs if one not in may_be_left_out(knobs)]
+            raise KnownEffectError(f"{effect.name} has no {keys[knob.name]}; it needs {', '.join(needed)}")
         value, u = spec.values[knob.name].re, spec.values[knob.name].u
         if not knob.lower <= value <= knob.upper or not 0 <= u < np.inf:
             raise KnownEffectError(
