@@ -317,9 +317,11 @@ def exchanged(sizes: ErrorSizes) -> tuple[ErrorSizes, ...]:
 def of_the_instrument(colour: float) -> tuple[ErrorSizes, ...]:
     """Return errors of instrument and fixture alone, and of held values, beside noise of this colour.
 
-    Each of them alone may gain nothing where a smooth error of the constants imitates them all.
+    Each of them alone may gain nothing where a smooth error of the constants imitates them all. A simulated analyzer
+    may have no error of its own in a fixture that leaves a residue.
     """
-    return tuple(ErrorSizes(slow=share, fixture=1.0, held=1.0, colour=colour) for share in scales.SHARES[1:])
+    together = (ErrorSizes(slow=share, fixture=1.0, held=1.0, colour=colour) for share in scales.SHARES[1:])
+    return *together, ErrorSizes(fixture=1.0, colour=colour)
 
 
 def chosen(
@@ -330,7 +332,7 @@ def chosen(
     From all starts, or only from the one with the largest marginal likelihood. Sizes whose covariance is not positive
     definite because of rounding are skipped. Raises LinAlgError if all starts are.
     """
-    begun = _evaluated(made, starts)
+    begun = evaluated(made, starts)
     if not begun:
         raise np.linalg.LinAlgError("no covariance")
     if not all_starts:
@@ -344,7 +346,7 @@ def chosen(
     return now, value
 
 
-def _evaluated(made: Gram, trials: Sequence[ErrorSizes]) -> list[tuple[ErrorSizes, Value]]:
+def evaluated(made: Gram, trials: Sequence[ErrorSizes]) -> list[tuple[ErrorSizes, Value]]:
     """Return the marginal likelihood of those of these sizes for which it can be computed."""
     values: list[tuple[ErrorSizes, Value]] = []
     for sizes in dict.fromkeys(map(made.possible, trials)):
@@ -376,4 +378,4 @@ def _along(made: Gram, now: ErrorSizes, value: Value, name: str, *, again: bool)
     grid, at = GRIDS[name], GRIDS[name].index(getattr(now, name))
     near = name in _DEAR or again
     trials = [now.at(name, size) for k, size in enumerate(grid) if k != at and (not near or abs(k - at) == 1)]
-    return _largest([(now, value), *_evaluated(made, trials)])
+    return _largest([(now, value), *evaluated(made, trials)])

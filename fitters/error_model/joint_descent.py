@@ -26,7 +26,7 @@ CLOSE, NEAR = 0.3, 1.0
 it is worth while; no decision depends on a sixth of a nat."""
 _SHORT = 3
 """Number of steps of less than that after which a descent ends."""
-_FURTHEST, _LEAST = 1.5, 1e-3
+FURTHEST, _LEAST = 1.5, 1e-3
 """Longest step in any coordinate (a logarithm, or prior standard deviations) for which the model is nearly linear, and
 the one below which a descent ends."""
 _OF_ERRORS = 0.01
@@ -238,7 +238,7 @@ def descend(
     otherwise they are computed anew, and then steps become shorter. `close`: expected fall of minus twice the ln
     density at which it ends. `led_back`: whether steps are led back into a valley that they leave.
     """
-    radius, short, used = _FURTHEST, 0, 0
+    radius, short, used = FURTHEST, 0, 0
     try:
         expansion = _Expansion.of(point)
         while used < most and short < _SHORT and radius > _LEAST:
@@ -251,7 +251,7 @@ def descend(
                 point, short = there, short + (fall < close)
             stale = not (expansion.own and expansion.at.fresh)
             if kept > _GOOD:
-                radius = min(_FURTHEST, max(radius, _LONGER * step.length))
+                radius = min(FURTHEST, max(radius, _LONGER * step.length))
                 expansion = expansion.carried(point)
                 continue
             if kept < _STALE and stale:

@@ -1,29 +1,32 @@
-"""Uncertainties by source: contributions of noise, instrument, model error and dimensions, which add in quadrature.
+"""Uncertainties by source: noise, instrument, model, dimensions and values held by assumption; they add in quadrature.
 
 The estimate is linear in the data: x = A y, A = H^-1 J^T K^-1 with K the covariance of everything except constants. Its
 covariance H^-1 is therefore A K A^T plus the contribution of the priors, and K is a sum over sources.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.special import chdtri
 
 from ...models.base.arrays import Complexes, Reals
-from .error_columns import ErrorColumns
-from .error_sizes import GRIDS, ErrorSizes, Value, chosen
+from .error_columns import HELD, ErrorColumns
+from .error_sizes import GRIDS, ErrorSizes, Value, evaluated
+from .joint_descent import FURTHEST
 from .marginal_fit import MarginalFit
 from .point_covariance import Kernel
 from .prior_scales import IMAGINARY
 
-SOURCES = ("noise", "instrument", "model", "dimensions")
+SOURCES = ("noise", "instrument", "model", "dimensions", "assumptions")
 _INSTRUMENT = ("slow", "fast", "fixture")
-_BESIDE_THE_INSTRUMENT = ("tau", "losses", "fixture", "held")
-"""Sizes that are re-estimated for each size of the slow instrument error."""
+_UNSURE = ("tau", "slow", "fixture", "held")
+"""Sizes over which an uncertainty is averaged: smooth errors of the instrument and of the constants describe much the
+same, but constants depend on which it is. Those of rough errors and of colour follow from the scatter of the points."""
 _ONE_IN_TWENTY = 0.05
 _NEGLIGIBLE = 1e-3
-"""Posterior probability below which sizes do not affect an uncertainty."""
+"""Probability relative to the most probable sizes below which others do not affect an uncertainty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +34,24 @@ class CovarianceBySource:
     """Covariance of the free coordinates of a fit, by source; each of shape (M, M)."""
 
     by: Mapping[str, Reals]
+    mean: Reals
+    """Where the coordinates are on the average over all sizes of errors, relative to the minimum, shape (M,)."""
+    held: tuple[str, ...]
+    """Values of the build that may be off, though they are held."""
+    beside: Reals
+    """Covariance of the coordinates with what these are off by, in their tolerances, shape (M, held)."""
+    of_held: Reals
+    """Covariance of the latter, shape (held, held)."""
 
     @property
     def whole(self) -> Reals:
         """The sum, shape (M, M)."""
         return sum(self.by.values(), np.zeros_like(self.by["noise"]))
+
+    @property
+    def about_the_minimum(self) -> Reals:
+        """Mean square of how far the coordinates are from the minimum, shape (M, M)."""
+        return self.whole + np.outer(self.mean, self.mean)
 
     def of(self, chain: Reals) -> dict[str, Reals]:
         """Return the standard uncertainty of parameters by source, with d parameter / d x = `chain`, shape (P, M)."""
@@ -45,53 +61,81 @@ class CovarianceBySource:
 def spread_of(found: MarginalFit) -> CovarianceBySource:
     """Return the covariance at a minimum by source.
 
-    Recordings often do not determine how much of a smooth error is the instrument's, but constants depend on it. The
-    result is therefore that of the mixture over sizes of the instrument's error, weighted by their posterior
-    probability.
+    Recordings often do not determine what kind of error they have. The result is therefore that of the mixture over
+    the sizes of smooth errors, weighted by their posterior probability, about its mean.
     """
-    instead = [chosen(found.gram, (found.sizes.at("slow", size),), _BESIDE_THE_INSTRUMENT) for size in GRIDS["slow"]]
-    log_p = np.array([value.log_evidence for _, value in instead])
-    weights = np.exp(log_p - np.max(log_p)) / np.sum(np.exp(log_p - np.max(log_p)))
+    likely = _likely(found)
+    mean = sum((weight * value.step for _, value, weight in likely), np.zeros(len(found.x)))
+    names = _held_in(found.gram.columns)
     by = {name: np.zeros_like(found.value.H) for name in SOURCES}
-    for (sizes, value), weight in zip(instead, weights.tolist(), strict=True):
-        if weight < _NEGLIGIBLE:
-            continue
-        for name, part in _by_source(found, sizes, value).items():
+    beside, of_held = np.zeros((len(mean), len(names))), np.zeros((len(names),) * 2)
+    for sizes, value, weight in likely:
+        own, across, off = _by_source(found, sizes, value)
+        for name, part in own.items():
             by[name] += weight * part
-        away = value.step - found.value.step
+        away = value.step - mean
         by["instrument"] += weight * np.outer(away, away)
-    return CovarianceBySource(by)
+        if off.size:
+            beside, of_held = beside + weight * across, of_held + weight * off
+    return CovarianceBySource(by, mean, names, beside, of_held)
 
 
-def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> dict[str, Reals]:
-    """Return the covariance by source for errors of these sizes."""
+def _likely(found: MarginalFit) -> list[tuple[ErrorSizes, Value, float]]:
+    """Return the sizes of errors that the recordings leave open, with their posterior probabilities."""
+    grids = (GRIDS[name] for name in _UNSURE)
+    trials = [replace(found.sizes, **dict(zip(_UNSURE, one, strict=True))) for one in product(*grids)]
+    instead = evaluated(found.gram, trials)
+    log_p = np.array([value.log_evidence - _too_far(value) for _, value in instead])
+    weights = np.exp(log_p - np.max(log_p))
+    weights = np.where(weights > _NEGLIGIBLE, weights, 0.0) / np.sum(weights[weights > _NEGLIGIBLE])
+    return [(*one, weight) for one, weight in zip(instead, weights.tolist(), strict=True) if weight > 0]
+
+
+def _held_in(columns: ErrorColumns) -> tuple[str, ...]:
+    """Return the names of the held values that may be off, in the order of their columns."""
+    return tuple(
+        one.name.removeprefix(HELD)
+        for part, one in zip(columns.parts, columns.corrections, strict=True)
+        if part == "held" and one is not None
+    )
+
+
+def _too_far(value: Value) -> float:
+    """Return what a step promises of ln evidence, if it is longer than the model is nearly linear; else 0."""
+    far = float(np.max(np.abs(value.step), initial=0.0)) > FURTHEST
+    return 0.5 * float(value.step @ value.H @ value.step) if far else 0.0
+
+
+def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> tuple[dict[str, Reals], Reals, Reals]:
+    """Return the covariance by source for errors of these sizes, that with held values, and that of the latter."""
     made = found.gram
     scale = made.columns.scaled(sizes.of_columns())
     on = np.flatnonzero(scale > 0)
     columns, d = made.columns.only(on), scale[on]
     kernel = Kernel(columns.points, sizes.colour, sizes.rough)
     c, j = kernel.white(columns.blocks), kernel.white(made.J)
-    CC = d[:, None] * c.squared() * d
+    S = np.eye(on.size) + d[:, None] * c.squared() * d
     CJ = d[:, None] * c.times(j)
-    JJ = j.squared()
     H = value.H
     unit = np.sqrt(np.where(np.diag(H) > 0, np.diag(H), 1.0))
     inverse = np.linalg.pinv(H / unit / unit[:, None], rcond=1e-13, hermitian=True) / unit / unit[:, None]
     # A C: effect of a unit of each column on x; J^T K^-1 C = (J^T K0^-1 C) (1 + C^T K0^-1 C)^-1
-    felt = inverse @ np.linalg.solve(np.eye(on.size) + CC, CJ).T if on.size else np.zeros((len(H), 0))
+    felt = inverse @ np.linalg.solve(S, CJ).T if on.size else np.zeros((len(H), 0))
     instrument = np.array([part in _INSTRUMENT for part in columns.parts], dtype=bool)
     held = np.array([part == "held" for part in columns.parts], dtype=bool)
     model = ~(instrument | held)
     by = {
         "instrument": felt[:, instrument] @ felt[:, instrument].T,
         "model": felt[:, model] @ felt[:, model].T,
-        "dimensions": inverse @ made.before.P @ inverse + felt[:, held] @ felt[:, held].T,
+        "dimensions": inverse @ made.before.P @ inverse,
+        "assumptions": felt[:, held] @ felt[:, held].T,
     }
     rest = inverse - sum(by.values(), np.zeros_like(inverse))
-    rough = 0.0 if not any(sizes.rough) else _rough_share(found, sizes, JJ)
+    rough = 0.0 if not any(sizes.rough) else _rough_share(found, sizes, j.squared())
     by["noise"] = (1 - rough) * rest
     by["model"] = by["model"] + rough * rest
-    return by
+    off = np.linalg.inv(S)[np.ix_(held, held)] + felt[:, held].T @ H @ felt[:, held]
+    return by, -felt[:, held], off
 
 
 def _rough_share(found: MarginalFit, sizes: ErrorSizes, JJ: Reals) -> float:

@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models.base.arrays import Complexes, Reals
+from ..engine.covariance import curvature
 from ..engine.descent import Descent, descend
 from ..engine.objective import Objective
 from ..engine.recording import Posterior, Prior, Recording, log_ratio
+from ..error_model.marginal_estimate import MarginalEstimate
 from ..interface import Interval
 
 DRAWS = 200
@@ -42,14 +44,22 @@ def spread_of(numbers: Iterable[float]) -> tuple[float, Interval]:
     return float(np.std(sample, ddof=1)), Interval(*ends)
 
 
-def bootstrap(descent: Descent, draws: int = DRAWS, seed: int = SEED) -> Draws:
-    """Repeat a fit `draws` times; the same `seed` gives the same draws."""
+def bootstrap(descent: Descent, told: MarginalEstimate | None = None, draws: int = DRAWS, seed: int = SEED) -> Draws:
+    """Repeat a fit `draws` times; the same `seed` gives the same draws.
+
+    `told`: the answer that also counts errors of instrument and model. The draws are about its values, and what it
+    knows of further variance is drawn as well.
+    """
     rng = np.random.default_rng(seed)
     objective, x = descent.objective, descent.x
     values, _ = objective.coordinates.forward(x)
     fits = [
         model.impedance(r.sweep.frequency) for r, model in zip(objective.recordings, objective.models(x), strict=True)
     ]
+    away, more = np.zeros(x.size), np.zeros((x.size, 0))
+    if told is not None:
+        half = curvature(objective, x).half
+        away, more = told.x - x, _root_of_positive(told.of_x - half @ half.T)
     values_of_draws: list[Mapping[str, float]] = []
     for _ in range(draws):
         recordings = [_redrawn(r, Z, rng) for r, Z in zip(objective.recordings, fits, strict=True)]
@@ -59,8 +69,16 @@ def bootstrap(descent: Descent, draws: int = DRAWS, seed: int = SEED) -> Draws:
         known += [_shifted(posterior, objective, x, rng) for posterior in objective.posteriors]
         again = descend(Objective(recordings, objective.coordinates, known), x, _TOLERANCE)
         if again.converged:
-            values_of_draws.append(objective.coordinates.forward(again.x)[0])
+            there = again.x + away + more @ rng.standard_normal(more.shape[1])
+            values_of_draws.append(objective.coordinates.forward(there)[0])
     return Draws(tuple(values_of_draws), draws - len(values_of_draws))
+
+
+def _root_of_positive(C: Reals) -> Reals:
+    """Return W with W W^T the part of a symmetric matrix that is a covariance, shape (M, M)."""
+    scale = np.sqrt(np.maximum(np.abs(np.diag(C)), 1e-300))
+    eigenvalues, vectors = np.linalg.eigh(C / scale / scale[:, None])
+    return scale[:, None] * vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
 
 
 def _redrawn(recording: Recording, fitted: Complexes, rng: np.random.Generator) -> Recording:

@@ -96,13 +96,15 @@ class _Shares:
         u = {source: float(values[k]) for source, values in self._by.items()}
         known = float(np.hypot(share.dimensions, share.knowledge))
         scale = u["dimensions"] / known if known else 0.0
+        counted = u["assumptions"]
         return replace(
             share,
             noise=u["noise"],
             instrument=u["instrument"],
             model=u["model"],
             dimensions=scale * share.dimensions if known else u["dimensions"],
-            knowledge=scale * share.knowledge,
+            knowledge=float(np.hypot(scale * share.knowledge, counted)),
+            assumptions=float(np.sqrt(max(0.0, share.assumptions**2 - counted**2))),
         )
 
 

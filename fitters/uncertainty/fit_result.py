@@ -121,16 +121,18 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     result = replace(result, chi2_per_dof=chi2)
     covariance = result.covariance + _carried(solution)
     values, _ = coordinates.forward(result.x)
-    by: Mapping[str, Reals] | None = None
+    told: MarginalEstimate | None = None
     if options.objective == "log" and options.procedure == "joint":
-        estimated = _with_errors(objective, result.x, solution.build)
-        values, covariance, by = dict(estimated.values), estimated.covariance, estimated.by
-        result = replace(result, x=estimated.x)
+        told = _with_errors(objective, result.x, solution.build)
+        values, covariance = dict(told.values), told.covariance
+        # chi2 stays that of the minimum: whether the model can describe the recordings does not depend on their errors
+        result = replace(result, x=told.x, rms_log_error=rms(*objective.log_ratios(told.x)))
     layers = layers_of(solution.build, solution.noises)
     noise = max(solution.noises.values(), key=lambda n: n.relative)
     effects = effects_of(solution.build, solution.noises)
     constants = fitted_constants(layers, values, coordinates.parameters, covariance, effects=effects)
-    derived = derived_constants(layers, values, coordinates.parameters, covariance)
+    whole = covariance if told is None else told.with_held
+    derived = derived_constants(layers, values, coordinates.parameters, whole)
     curves = curves_of(objective, coordinates.inverse(solution.begun), result.x)
     says = verdict(result, solution.build, curves, noise.relative)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
@@ -138,10 +140,11 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     if options.procedure == "frozen" and len(solution.noises) > 1:
         says += (_FROZEN,)
     if options.uncertainty == "profile":
-        constants = with_intervals(constants, profile_intervals(solution.descent))
+        constants = with_intervals(constants, profile_intervals(solution.descent, told))
     elif options.uncertainty == "bootstrap":
-        constants, derived, estimated = with_draws(constants, derived, layers, bootstrap(solution.descent))
-        says += estimated
+        constants, derived, of_draws = with_draws(constants, derived, layers, bootstrap(solution.descent, told))
+        says += of_draws
+    not_budgeted = options.procedure == "frozen" or options.objective == "kt2"
     return FitResult(
         build=solution.build.name,
         fitter=fitter,
@@ -158,7 +161,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
         seconds=solution.seconds,
         says=says,
         curves=curves,
-        budget=budget_of(solution, by) if options.procedure != "frozen" and options.objective != "kt2" else None,
+        budget=None if not_budgeted else budget_of(solution, told.by if told else None),
     )
 
 

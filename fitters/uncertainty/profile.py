@@ -13,6 +13,7 @@ from ..engine.covariance import curvature, remaining
 from ..engine.descent import Descent, descend
 from ..engine.objective import Objective
 from ..engine.recording import Prior
+from ..error_model.marginal_estimate import MarginalEstimate
 from ..interface import Interval
 
 _PULL = 0.05
@@ -61,8 +62,12 @@ class _Profile:
         return self.best + (value - self.best) * (level / z if z > 1e-3 * level else 1.0)
 
 
-def profile_intervals(descent: Descent) -> dict[str, Interval]:
-    """Return the intervals of every fitted parameter by name, SI. The objective must be weighted by the noise."""
+def profile_intervals(descent: Descent, told: MarginalEstimate | None = None) -> dict[str, Interval]:
+    """Return the intervals of every fitted parameter by name, SI. The objective must be weighted by the noise.
+
+    The profile is that of noise and priors. `told`: the answer that also counts errors of instrument and model; the
+    intervals are about its values, and what it knows of further variance is added in quadrature.
+    """
     objective, x = descent.objective, descent.x
     values, chain = objective.coordinates.forward(x)
     bent = curvature(objective, x)
@@ -75,5 +80,12 @@ def profile_intervals(descent: Descent) -> dict[str, Interval]:
             continue
         way = bent.half @ half[k] / u**2
         profile = _Profile(objective, x, name, values[name], u, way, chi2, unit)
-        intervals[name] = Interval(*((profile.end(level, -1), profile.end(level, 1)) for level in (_ONE, _NINETY_FIVE)))
+        about, more = values[name], 0.0
+        if told is not None:
+            about, more = told.values[name], max(0.0, float(told.covariance[k, k]) - u**2)
+
+        def end(level: float, sign: int, of: _Profile = profile, about: float = about, more: float = more) -> float:
+            return about + sign * float(np.hypot(of.end(level, sign) - of.best, level * np.sqrt(more)))
+
+        intervals[name] = Interval(*((end(level, -1), end(level, 1)) for level in (_ONE, _NINETY_FIVE)))
     return intervals

@@ -15,6 +15,7 @@ from ...engine.recording import Prior, Recording
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
+from ...error_model.point_covariance import under_colour
 from ...error_model.uncertainty_sources import taken_up
 from ...interface import UNCOMPUTABLE
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS
@@ -87,6 +88,7 @@ class Hypothesis:
         taken = taken_up(self.fit)
         both = self.projected([list(taken.model), list(taken.left)])
         noise = np.concatenate([own.noise for own in self.fit.gram.columns.points])
+        noise = noise / under_colour(self.fit.sizes.colour)
         model, rough = (both**2).reshape(2, -1, 2).sum(axis=0).T
         return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
 

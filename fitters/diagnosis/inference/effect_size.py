@@ -44,8 +44,9 @@ def covariance_of(one: Hypothesis, coarseness: float = 1.0) -> Reals:
     covariance is therefore larger; what follows from priors, such as the dimensions of a build, stays as it is.
     """
     _, chain = one.objective.coordinates.forward(one.fit.x)
-    by = spread_of(one.fit).by
-    whole = sum((part * (1.0 if name == "dimensions" else coarseness) for name, part in by.items()), np.zeros(()))
+    spread, known = spread_of(one.fit), ("dimensions", "assumptions")
+    whole = np.outer(spread.mean, spread.mean)
+    whole += sum(part * (1.0 if name in known else coarseness) for name, part in spread.by.items())
     return np.asarray(chain @ whole @ chain.T, np.float64)
 
 

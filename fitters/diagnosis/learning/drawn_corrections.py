@@ -50,7 +50,7 @@ def drawn(
     free = made.objective.coordinates.free
     at = [free.index(name) for name in made.effects[-1].parameters]
     a = np.array([made.values[name] for name in made.effects[-1].parameters])
-    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
+    covariance = spread_of(made.fit).about_the_minimum[np.ix_(at, at)]
     unit = np.stack([effect.size * effect.basis.over(frequency, row) for row in np.eye(a.size)], axis=1)
     scale = np.array([_width(made, k) for k in at])
     columns = unit * scale
@@ -71,7 +71,7 @@ def drawn_law(effect: LearnedLaw, one: Candidate, made: Hypothesis) -> PlacedCor
 
     here = correction(x)
     columns = np.stack([(correction(x + _TINY * np.eye(x.size)[k]) - here) / _TINY for k in at], axis=1)
-    covariance = spread_of(made.fit).whole[np.ix_(at, at)]
+    covariance = spread_of(made.fit).about_the_minimum[np.ix_(at, at)]
     u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
     quantity = "impedance" if effect.place.quantity == "load" else effect.place.quantity
     place = Place(effect.place.where, quantity)

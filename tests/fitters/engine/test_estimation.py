@@ -16,6 +16,7 @@ from pzctl.fitters.interface import FitResult, FitTask, Fitter, Options
 from pzctl.fitters.layered.mason import Mason
 from pzctl.fitters.layered.nelder_mead import MasonNelderMead
 from pzctl.fitters.layered.nlopt_global import NloptGlobal
+from pzctl.fitters.uncertainty.profile import profile_intervals
 from pzctl.models.build import Build
 from pzctl.models.stack import HalfSpace, Piezo, Stack
 from pzctl.models.sweep import Sweep
@@ -73,15 +74,34 @@ def cost(build: Build, sweep: Sweep) -> float:
 
 @pytest.mark.parametrize(("level", "rise"), [("p68", 1.0), ("p95", 3.841)])
 def test_the_misfit_at_the_ends_of_a_profile_has_the_right_increase(level: str, rise: float) -> None:
-    task = disk(Options(uncertainty="profile"))
+    task = disk()
     assert task.build is not None
-    interval = Mason().fit(task).constants["disk.h33"].interval_re
-    assert interval is not None
+    interval = profile_intervals(solve(task, lambda _: None).descent)["disk.h33.re"]
     least = cost(task.build, plate(0.5e-3))
     for end in getattr(interval, level):
         pulled = amended(task.build, Amendments(prior=(("disk.h33", end, 1e-4 * abs(end)),)))
         at_end = cost(replace(pulled, layers=pulled.layers), plate(0.5e-3))
         assert at_end - least == pytest.approx(rise, rel=0.25)
+
+
+@pytest.mark.parametrize("uncertainty", ["profile", "bootstrap"])
+def test_intervals_are_about_the_answer_and_no_narrower_beside_an_analyzers_phase_error(uncertainty: str) -> None:
+    sweep = plate(0.5e-3)
+    f = sweep.frequency
+    turned = replace(sweep, impedance=sweep.impedance * np.exp(8e-4j * np.sin(3 * np.log(f / f[0]))))
+    build = parse_build(DISK)
+    usual, wanted = (
+        Mason().fit(FitTask(build, {"disk": (turned,)}, options=options))
+        for options in (Options(), Options(uncertainty=uncertainty))
+    )
+    for name in ("disk.eps33S", "disk.h33"):
+        u, one = usual.constants[name].u_im, wanted.constants[name]
+        assert u is not None
+        assert one.interval_im is not None
+        low, high = one.interval_im.p95
+        assert (low + high) / 2 == pytest.approx(one.im, abs=0.3 * u)
+        assert (high - low) / 2 == pytest.approx(1.96 * u, rel=0.2)
+        assert one.u_im == pytest.approx(u, rel=0.2)
 
 
 def test_bootstrap_and_covariance_agree_for_a_quadratic_misfit() -> None:
