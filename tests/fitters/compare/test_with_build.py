@@ -1,4 +1,4 @@
-"""Changes inside of a device whose build is given; tests/benchmarks/test_compare_with_build.py has more and all points."""
+"""Changes inside of a device whose build is given; tests/benchmarks/test_compare_with_build.py has all points."""
 
 from collections.abc import Callable
 from dataclasses import replace
