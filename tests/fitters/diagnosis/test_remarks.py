@@ -37,15 +37,15 @@ def test_two_picohenry_are_no_mismatch(accuracy: float) -> None:
     assert "differ" not in str(diagnosis)
 
 
-def uneven(step: str, variance: float) -> DiagnosisAnalysis:
+def uneven(step: str, variance: float, scatter: float = 1e-6) -> DiagnosisAnalysis:
     """Return the diagnosis of a step whose last layer has this variance of its relative thickness."""
     where, model = f"layer:{step}", pzctl.model(THESIS_BUILD, step)
     device = Device(model).with_effect(thickness_variation.EFFECT, where, {"variance": variance})
-    return diagnosed(device, 8e-4, ["thickness-variation"], step, scatter=1e-5)
+    return diagnosed(device, 8e-4, ["thickness-variation"], step, scatter)
 
 
 def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
-    diagnosis = uneven("ml1", 5e-7)
+    diagnosis = uneven("ml1", 5e-7, scatter=1e-5)
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
     assert [one.effect for one in diagnosis.result.remarks] == ["thickness-variation"]
     said = " ".join(str(diagnosis).split())
