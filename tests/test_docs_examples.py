@@ -1,7 +1,7 @@
 """The examples of the guides that name an instrument or the reader's files, run with a simulated instrument.
 
 Indented examples are for the reader's bench; here their addresses are those of the simulator, and their files are
-recordings made with it.
+recordings made with it; that of an equivalent circuit is one of a circuit.
 """
 
 import os
@@ -14,8 +14,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from pzctl.models.circuits.lumped import Branch, Lumped
 from pzctl.sim.bench.bench_control import bench_command
 from pzctl.sim.server import SimOptions, running
 
@@ -47,6 +49,15 @@ class Bench:
         assert "Traceback" not in done.stderr
 
 
+def _a_circuit() -> str:
+    """Return a recording of a device with one resonance, which its circuit describes: nothing has to be searched."""
+    f = np.linspace(0.6e6, 1.6e6, 101)
+    Z = Lumped(1e-9, (Branch.from_resonance(1e6, 80, 1.5e-10),), tan_delta=0.01).impedance(f)
+    Z = Z * np.exp(2e-4 * np.random.default_rng(3).normal(size=(2, f.size)).T @ [1, 1j])
+    rows = [f"{at:.1f},{z.real:.9g},{z.imag:.9g}" for at, z in zip(f, Z, strict=True)]
+    return "\n".join(["frequency_Hz,R_ohm,X_ohm", *rows, ""])
+
+
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("bench")
@@ -74,7 +85,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
         for old, new in (("disk-1", "disk"), ("ml1-2", "ml1"), ("ml1-1", "ml1-first")):
             shutil.copy(folder / f"S4-{old}.csv", folder / f"{new}.csv")
         shutil.copy(folder / "S4-ml1-2.csv", folder / "ml1-second.csv")
-        shutil.copy(folder / "disk.txt", folder / "RB5100.txt")
+        (folder / "RB5100.txt").write_text(_a_circuit(), encoding="utf-8")
         rows = [line for line in (folder / "disk.csv").read_text(encoding="utf-8").splitlines() if line[:1].isdigit()]
         (folder / "table.txt").write_text("\n".join(" ".join(row.split(",")[:3]) for row in rows), encoding="utf-8")
         bench_command("127.0.0.1", sim.bench_port, command="new-sample", seed=1)

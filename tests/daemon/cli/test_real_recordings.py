@@ -55,6 +55,6 @@ def test_a_coil_is_not_a_piezoelectric_device(recordings: Path) -> None:
 
 
 def test_the_fault_of_a_film_is_reported(recordings: Path) -> None:
-    said = answer(recordings, "pvdf-on-kapton/T61", FILM, thin=16)
+    said = answer(recordings, "pvdf-on-kapton/T61", FILM, thin=32)
     assert said.verdict in ("partly-explained", "unexplained")
     assert "pvdf-on-kapton/T61" in page_text([said])

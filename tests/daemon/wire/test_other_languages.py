@@ -1,7 +1,8 @@
 """A C program and a Node program receive a sweep: its numbers equal the recording's bit for bit.
 
 C needs a compiler, libzmq and cJSON with their headers (Debian: libzmq3-dev libcjson-dev). Node needs the package
-`zeromq` from npm, where NODE_PATH or `npm root -g` finds it, or is given it by npm install into a folder of the test.
+`zeromq` from npm, where NODE_PATH finds it, or is given it by npm install into a folder of the test: from npm's own
+cache, if it was loaded once.
 """
 
 import os
@@ -45,7 +46,7 @@ def node_subscriber(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     folder = tmp_path_factory.mktemp("node")
     shutil.copy(EXAMPLES / "subscriber.js", folder)
     if not _has_zeromq(node, folder):
-        words = [npm, "install", "--no-audit", "--no-fund", "--prefix", folder, "zeromq@6"]
+        words = [npm, "install", "--prefer-offline", "--no-audit", "--no-fund", "--prefix", folder, "zeromq@6"]
         try:
             subprocess.run(words, capture_output=True, timeout=90, check=False, cwd=folder)
         except subprocess.TimeoutExpired:

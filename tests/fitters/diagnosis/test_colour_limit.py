@@ -32,8 +32,8 @@ def limit(sweep: Sweep) -> float:
 
 @pytest.mark.parametrize("colour", COLOURS[1:])
 def test_the_right_colour_is_allowed(colour: float) -> None:
-    allowed = [limit(recorded(seed, colour)) >= colour for seed in range(12)]
-    assert sum(allowed) >= 11  # one of a hundred is excluded
+    allowed = [limit(recorded(seed, colour)) >= colour for seed in range(6)]
+    assert sum(allowed) >= 5  # one of a hundred is excluded
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -79,8 +79,8 @@ def test_a_search_over_a_dense_sweep_ends_with_all_its_points(dense: Problem) ->
 
 def test_hypotheses_keep_their_order_when_coloured_noise_is_seen_at_all_points(bare: Device, nothing: FitTask) -> None:
     """Means of groups have less colour: with theirs, all effects were 4000 nats behind a fit without any."""
-    problem = swept(DENSE, bare, nothing, 0.8)
-    search = GreedySearch(problem, candidates(problem, ("lead-inductance", "leakage", "series-resistance")))
+    problem = swept(DENSE[::2], bare, nothing, 0.8)
+    search = GreedySearch(problem, candidates(problem, ("lead-inductance", "series-resistance")))
     search.run()
     assert [one.effect.name for one in search.best.effects] == ["lead-inductance"]
     assert {one.fit.sizes.colour for one in search.ranked} <= {0.65, 0.8}

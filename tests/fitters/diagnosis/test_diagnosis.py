@@ -22,14 +22,18 @@ from pzctl.models.sweep import Sweep
 
 EVERY = {
     "null": 4,
-    "drift": 4,
-    "taper": 4,
+    "taper": 8,
     "hidden-mass": 4,
-    "glue-null": 8,
-    "glue-missing": 8,
-    "lead-and-taper": 8,
+    "glue-null": 16,
+    "glue-missing": 16,
+    "lead-and-taper": 16,
 }
 """Fewer of the 801 points, where these also show the hidden effects; tests/benchmarks/test_open_cases.py has all."""
+AMONG = {
+    "glue-missing": ("bond-layer", "bond-void", "lead-inductance", "surface-layer"),
+    "lead-and-taper": ("cable", "lead-inductance", "series-resistance", "surface-layer", "thickness-variation"),
+}
+"""Where a search is long, effects similar to those hidden; the other cases, and that benchmark, have the catalogue."""
 
 
 def thinned(cases: Path, name: str) -> tuple[FitTask, dict[str, Any]]:
@@ -39,7 +43,7 @@ def thinned(cases: Path, name: str) -> tuple[FitTask, dict[str, Any]]:
 @cache
 def diagnosed(cases: Path, name: str) -> tuple[Diagnosis, dict[str, Any]]:
     task, truth = thinned(cases, name)
-    return diagnose(task), truth
+    return diagnose(task, AMONG.get(name)), truth
 
 
 def nothing_more(diagnosis: Diagnosis, truth: dict[str, Any]) -> None: ...
@@ -132,27 +136,21 @@ def test_an_instrument_artefact_is_not_attributed_to_physics(cases: Path) -> Non
     assert abs(finding.bands_Hz[0][0] / at - 1) < 0.02
 
 
-def test_only_the_requested_effects_are_considered(cases: Path) -> None:
-    diagnosis = diagnose(thinned(cases, "lead-and-taper")[0], effects=("leakage",))
-    assert [finding.effect for finding in diagnosis.findings] == ["unknown"]
-    assert diagnosis.verdict == "unexplained"
-
-
-@cache
-def partly_explained(jobs: int = 1) -> Diagnosis:
-    """Return the diagnosis of a disk with a lead and a thickness that varies, with an effect for the lead only."""
-    f = np.linspace(1.5e6, 7.5e6, 301)
+def with_a_lead(*, tapered: bool = False) -> FitTask:
+    """Return the task of a disk with a lead and, if tapered, a thickness that varies."""
+    f = np.linspace(1.5e6, 7.5e6, 101)
     build = read_build(THESIS_BUILD)
     device = Device(stack_of(build, build.step("disk")))
     device = device.with_effect(find_effect("lead-inductance"), "terminals", {"inductance": 1.2e-8})
-    device = device.with_effect(find_effect("thickness-variation"), "layer:disk", {"variance": 3e-5})
+    if tapered:
+        device = device.with_effect(find_effect("thickness-variation"), "layer:disk", {"variance": 3e-5})
     noise = np.random.default_rng(3).standard_normal((f.size, 2)) @ [1, 1j]
-    task = FitTask(build, {"disk": (Sweep(f, device.impedance(f) * np.exp(2e-4 * noise)),)})
-    return diagnose(task, ("lead-inductance", "leakage"), jobs=jobs)
+    return FitTask(build, {"disk": (Sweep(f, device.impedance(f) * np.exp(2e-4 * noise)),)})
 
 
 def test_a_partial_explanation_is_not_certain() -> None:
-    diagnosis = partly_explained()
+    """Only the requested effects are considered: the variation of thickness is none of them, and stays unknown."""
+    diagnosis = diagnose(with_a_lead(tapered=True), ("lead-inductance", "leakage"))
     assert diagnosis.verdict == "partly-explained"
     probabilities = {one.effect: one.probability for one in diagnosis.findings}
     assert set(probabilities) == {"lead-inductance", "unknown"}
@@ -160,7 +158,9 @@ def test_a_partial_explanation_is_not_certain() -> None:
 
 
 def test_the_result_does_not_depend_on_the_number_of_processes() -> None:
-    alone, shared = partly_explained(), partly_explained(jobs=2)
+    considered = ("lead-inductance", "series-resistance", "electrode-mass")
+    alone, shared = (diagnose(with_a_lead(), considered, jobs=jobs) for jobs in (1, 2))
+    assert [one.effect for one in alone.findings] == ["lead-inductance"]
     assert (shared.verdict, shared.findings) == (alone.verdict, alone.findings)
 
 
@@ -215,7 +215,7 @@ def test_a_loop_beside_the_lead_is_not_attributed_to_the_device(cases: Path) -> 
 
 
 def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> None:
-    task, truth = thinned(cases, "glue-missing")
+    task, truth = given(cases, "glue-missing", 32)
     (injected,) = truth["findings"]
     diagnosis = diagnose(task, (injected["effect"],), hold_out="steps")
     assert [finding.effect for finding in diagnosis.findings] == [injected["effect"]]
@@ -252,7 +252,7 @@ def test_another_sample_confirms_or_contradicts_a_finding(cases: Path) -> None:
 
 
 def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
-    task, truth = thinned(cases, "lead")
+    task, truth = thinned(cases, "taper")
     (injected,) = truth["findings"]
     (sweep,) = task.sweeps["disk"]
     above = diagnose(task, (injected["effect"],), hold_out="overtones")
@@ -270,7 +270,7 @@ def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
         narrow = {"disk": (replace(sweep, frequency=sweep.frequency[part], impedance=sweep.impedance[part]),)}
         with pytest.raises(FitError, match=refused):
             diagnose(replace(task, sweeps=narrow), (), hold_out="overtones")
-    again, _ = thinned(cases, "drift")
+    again, _ = given(cases, "drift", 8)
     repeated = diagnose(again, ("temperature-drift",), hold_out="repeats")
     assert [finding.effect for finding in repeated.findings] == ["temperature-drift"]
     assert repeated.final.held_out < 0.1 * repeated.baseline.held_out

@@ -13,6 +13,7 @@ from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted, marginal_of
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, remaining_of
+from pzctl.fitters.diagnosis.learning import laws, places
 from pzctl.fitters.diagnosis.learning.delays import delays_at
 from pzctl.fitters.diagnosis.learning.learned_effect import Learning
 from pzctl.fitters.diagnosis.learning.places import all_places
@@ -25,6 +26,7 @@ from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
 from pzctl.models.effects import Device, Effect, find_effect
 from pzctl.models.effects.learned.corrections import Place
+from pzctl.models.effects.learned.laws import laws as laws_of
 from pzctl.models.effects.learned.learned import learned_law
 from pzctl.models.stack import Piezo, Stack
 
@@ -61,6 +63,14 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
     assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
 
 
+@pytest.fixture
+def at_the_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Laws are looked for at the terminals, and are the simplest three; in other tests all places and laws compete."""
+    monkeypatch.setattr(places, "all_places", lambda _problem: ((Place("terminals", "series"), ("disk",)),))
+    monkeypatch.setattr(laws, "laws", lambda quantity: laws_of(quantity)[:3])
+
+
+@pytest.mark.usefixtures("at_the_terminals")
 def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: Device) -> None:
     """Without the law some points at the resonance pass for a weak line; beside it they determine the constants."""
     f = np.linspace(1.5e6, 7.5e6, 61)
@@ -73,6 +83,7 @@ def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: D
     assert diagnosis.final.held_out < 1.3
 
 
+@pytest.mark.usefixtures("at_the_terminals")
 def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_not_looked_for(bare: Device) -> None:
     f, said = np.linspace(1.5e6, 7.5e6, 41), list[str]()
     task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 2e-8, f)
@@ -180,8 +191,8 @@ def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device) -> None
     first = fitted(problem, (contact,), problem.values)
     left = Conclusion(null, first, (), remaining_of(first), something_else=1.0, nearest=None)
     found, _ = Learning(problem).extended(left, [first])
-    laws = {one.prefix: one.effect.law_name for one in found.final.effects}
-    assert laws == {"learned@terminals.": "series-resistance", "learned-2@terminals.": "shunt-resistance"}
+    both = {one.prefix: one.effect.law_name for one in found.final.effects}
+    assert both == {"learned@terminals.": "series-resistance", "learned-2@terminals.": "shunt-resistance"}
     assert found.final.values["learned-2@terminals.size"] == pytest.approx(4e-3, rel=0.03)
 
 

@@ -1,4 +1,4 @@
-"""What several steps share tells places apart: each truth here is known, and one step alone does not show it."""
+"""What several steps share tells places apart; tests/benchmarks/test_learning.py has a lead that one step alone has."""
 
 from dataclasses import replace
 
@@ -65,9 +65,3 @@ def test_what_the_instrument_reads_is_wrong_for_every_device_alike() -> None:
     assert alone.place == Place("layer:disk", "permittivity")
     assert (both.place.where, both.place.quantity) == ("instrument", "reading")
     assert both.probability > 0.9
-
-
-def test_a_lead_of_one_step_is_no_lead_of_the_other() -> None:
-    found = _likeliest(_task(DISK.impedance(F), GLUED.impedance(F) + 0.5 * np.sqrt(2j * np.pi * F / 2.6e7)))
-    assert (found.place, found.steps) == (Place("terminals", "series"), ("ml1",))
-    assert found.probability > 0.9

@@ -181,7 +181,7 @@ def test_without_candidates_the_search_finds_nothing(lead_case) -> None:
 
 
 def test_a_search_that_ends_at_its_budget_says_so(lead_case, monkeypatch: pytest.MonkeyPatch) -> None:
-    considered = [one.effect.name for one in lead_case.candidates]
+    considered = ("lead-inductance", "leakage")
     whole = diagnose(lead_case.task, considered)
     monkeypatch.setattr(fitted_hypotheses, "BUDGET", 0)
     cut = diagnose(lead_case.task, considered)

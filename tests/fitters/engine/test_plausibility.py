@@ -138,7 +138,7 @@ layers = ["disk", "glue1", "ml1"]
 
 def fit_glued(change: Callable[[Complexes, Complexes], tuple[float, Complexes]]) -> FitResult:
     """Fit disk and first layer of the simulated bench; `change` returns factors by f for both curves, and ml1's."""
-    f, rng = np.linspace(1e6, 12e6, 400), np.random.default_rng(3)
+    f, rng = np.linspace(1e6, 12e6, 200), np.random.default_rng(3)
     noise = 1 + 3e-5 * (rng.standard_normal((2, f.size)) + 1j * rng.standard_normal((2, f.size)))
     disk, glued = (sample(0).stack(step).impedance(f) * n for step, n in zip(("disk", "ml1"), noise, strict=True))
     factor, glued = change(disk, glued)

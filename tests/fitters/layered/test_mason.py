@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from open_cases import given
 
 from pzctl.daemon.files.builds.build_file import parse_build, read_build
 from pzctl.drivers.recordings import read_recording
@@ -111,7 +112,7 @@ def test_only_freed_constants_change() -> None:
 def test_a_constant_of_a_later_step_can_be_freed_alone(
     cases: Path, procedure: Literal["joint", "sequential", "frozen"]
 ) -> None:
-    task, _ = case(cases, "glue-null")
+    task, _ = given(cases, "glue-null", 8)
     for free in (("ml1.z",), ("disk.c33D", "ml1.z")):
         result = Mason().fit(replace(task, free=free, options=Options(procedure=procedure)))
         assert {name for name, constant in result.constants.items() if constant.free} == {*free}

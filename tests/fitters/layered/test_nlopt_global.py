@@ -40,7 +40,7 @@ name = "ml1"
 layers = ["disk", "ml1"]
 """
 TRUTH = {"c": 150.0, "h": 19.8, "e": 914.0, "z": 10.3, "s": 2455.0, "q": 30.0}
-F = np.linspace(1e6, 9e6, 401)
+F = np.linspace(1e6, 9e6, 201)
 
 
 def told(factors):

@@ -65,11 +65,11 @@ def test_different_leads_are_not_shared() -> None:
 
 
 def test_many_samples_determine_the_fixtures_residual_better() -> None:
-    few, many = shared(bench([2e-9] * 2, 5)), shared(bench([2e-9] * 6, 5))
+    few, many = shared(bench([2e-9] * 2, 5)), shared(bench([2e-9] * 4, 5))
     assert many.fixture["inductance"].value == pytest.approx(2e-9, abs=3 * many.fixture["inductance"].u)
     assert many.fixture["inductance"].u < few.fixture["inductance"].u
     assert many.fixture["inductance"].probability > 0.9
-    nothing = shared(bench([0.0] * 4, 6))
+    nothing = shared(bench([0.0] * 2, 6))
     assert not nothing.effects
     assert not nothing.not_shared
     assert all(part.probability < 0.5 for part in nothing.fixture.values())
@@ -86,14 +86,14 @@ def test_a_shared_effect_is_not_found_again_in_a_sample() -> None:
 
 
 def test_a_sample_that_cannot_be_fitted_does_not_stop_the_others() -> None:
-    tasks = dict(bench([9e-9] * 3, 8))
+    tasks = dict(bench([9e-9] * 2, 8))
     flat = FitTask(BUILD, {"disk": (Sweep(F, np.full(F.size, 50.0 + 0j)),)})
     jobs = [BatchJob(name, task) for name, task in (*tasks.items(), ("flat", flat))]
     joint = diagnose_together(jobs, {}, ("lead-inductance",))
     assert set(joint.own) == set(tasks)
     assert set(joint.failed) == {"flat"}
     assert all(one.verdict == "no-mismatch" for one in joint.own.values())
-    assert joint.population.constants["disk.c33D"].re.n == 3
+    assert joint.population.constants["disk.c33D"].re.n == 2
     with pytest.raises(TooFewSamplesError, match="two or more"):
         diagnose_together(jobs[:1], {})
 
