@@ -263,7 +263,8 @@ def _told(
     constants = averaged_constants(problem, found.final, search.ranked, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
-    remaining = scores(problem, beside(final.effects, choice), final.objective, final.descent.x)
+    others = beside(final.effects, choice)
+    remaining = scores(problem, others, final.objective, final.descent.x, found.final.errors)
     return Diagnosis(
         verdict=verdict,
         baseline=FitSummary(null.chi2_per_dof, held_before, constants_of(problem, found.null)),

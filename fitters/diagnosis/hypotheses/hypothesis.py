@@ -92,6 +92,13 @@ class Hypothesis:
         model, rough = (both**2).reshape(2, -1, 2).sum(axis=0).T
         return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
 
+    @property
+    def errors(self) -> list[Complexes]:
+        """Columns of ln Z of each recording by errors of instrument and model, shape (N, E), in standard deviations."""
+        columns = self.fit.gram.columns
+        scale = columns.scaled(self.fit.sizes.of_columns())
+        return [block[:, scale > 0] * scale[scale > 0] for block in columns.blocks]
+
     def projected(self, changes: list[list[Complexes]]) -> Reals:
         """Return changes of ln Z after projecting out the constants, as columns of shape (2N, K)."""
         free = self.objective.coordinates.free

@@ -48,18 +48,40 @@ class Score:
     """Shift of the free coordinates, per unit of the first parameter, if the effect is present but ignored."""
 
 
-def scores(problem: Problem, candidates: Sequence[Candidate], null: Objective, x: Reals) -> list[Score]:
+def scores(
+    problem: Problem, candidates: Sequence[Candidate], null: Objective, x: Reals, errors: Sequence[Complexes] = ()
+) -> list[Score]:
     """Return the scores of all candidates at the null fit `x`, largest gain first.
 
-    What each changes is seen on the devices of that fit, with all effects that it has.
+    What each changes is seen on the devices of that fit, with all effects that it has. `errors`: columns of ln Z of
+    each recording, shape (N, E), with coefficients of unit normal prior, that may imitate an effect as constants may.
     """
     problem = replace(problem, recordings=tuple(null.recordings))
-    r, J = null.residual(x), null.jacobian(x)
-    Q, R = np.linalg.qr(J)
+    r, slopes = null.residual(x), null.jacobian(x)
+    rows = r.size
+    if errors:
+        beside = _weighted(null.recordings, errors, rows)
+        free = beside.shape[1]
+        slopes = np.block([[slopes, beside], [np.zeros((free, slopes.shape[1])), np.eye(free)]])
+        r = np.concatenate([r, np.zeros(free)])
+    Q, R = np.linalg.qr(slopes)
     values, _ = null.coordinates.forward(x)
     scan = _Scan(problem, values, r, Q)
     found = [_score(problem, candidate, values, r, Q, R, scan.tuned(candidate)) for candidate in candidates]
+    size = float(np.sqrt(r.size / rows))
+    found = [replace(one, size=one.size * size, shifts=one.shifts[: x.size]) for one in found]
     return sorted(found, key=lambda score: -score.gain)
+
+
+def _weighted(recordings: Sequence[Recording], columns: Sequence[Complexes], rows: int) -> Reals:
+    """Return columns of ln Z of each recording in units of its noise, as rows of residuals, shape (rows, E)."""
+    made, at = np.zeros((rows, columns[0].shape[1])), 0
+    for recording, own in zip(recordings, columns, strict=True):
+        n = recording.sweep.frequency.size
+        weighted = own / recording.sigma[:, None]
+        made[at : at + n], made[at + n : at + 2 * n] = weighted.real, weighted.imag
+        at += 2 * n
+    return made
 
 
 def _score(

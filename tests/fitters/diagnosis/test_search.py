@@ -12,7 +12,7 @@ from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.search import fitted_hypotheses
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.refit import as_refit, refit, shift_of
-from pzctl.fitters.diagnosis.search.score_test import scores, together
+from pzctl.fitters.diagnosis.search.score_test import Score, scores, together
 from pzctl.fitters.diagnosis.search.screening import screened
 from pzctl.fitters.diagnosis.search.trial_fits import null_refit, polish, resoftened
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
@@ -108,6 +108,26 @@ def test_the_score_test_ranks_the_true_effect_first(lead_case) -> None:
         J = null.objective.jacobian(null.descent.x)
         inside = one.columns.T @ np.linalg.qr(J)[0]
         assert not inside.size or np.max(np.abs(inside)) < 1e-4, "what constants can do is taken off"
+
+
+def test_what_an_error_of_the_instrument_can_do_as_well_says_little_of_an_effect(lead_case) -> None:
+    null, lead = lead_case.null, lead_case.lead
+    x = null.descent.x
+
+    def of(*errors: np.ndarray) -> Score:
+        found = scores(lead_case.problem, (lead,), null.objective, x, [np.stack(errors, axis=1)] if errors else ())
+        return found[0]
+
+    bare = null.objective.recordings[0].model
+    f = null.objective.recordings[0].sweep.frequency
+    knob = lead.effect_parameters[0]
+    longer = bare.with_effect(lead.effect, lead.where, {knob.name: 0.1 * knob.typical})
+    alike, other = 1e3 * bare.log_ratio(longer, f), 1e-4 * np.exp(1j * f / 1e5)
+    free = of()
+    assert of(alike).size == pytest.approx(free.size)
+    assert of(alike).survives < 0.1 * free.survives
+    assert of(other).survives == pytest.approx(free.survives, rel=0.1)
+    assert of(alike).shifts.shape == x.shape
 
 
 def test_no_score_remains_once_the_effect_is_in_the_model(lead_case) -> None:
