@@ -197,6 +197,7 @@ class RequestHandlers:
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
         self.audit(request, client, "cancelling", measurement=job.measurement, sample=job.sample, analyzer=on.name)
+        on.acquisition.end_cancelled(job)
         return reply.Answer(id=request.id), []
 
     @answer.register
