@@ -6,13 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import zmq
 from keyed import asked
 
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.paths import keys_folder
+from pzctl.daemon.server.requests.answer_memory import REMEMBERED
 from pzctl.daemon.wire.curve_keys import ClientKey, make_client, make_server
 from pzctl.daemon.wire.frames import to_json
+from pzctl.daemon.wire.socket_options import unlock
 from pzctl.models.build import Build, Step
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
@@ -50,6 +53,27 @@ def test_an_id_that_comes_with_other_content_is_refused(
     second = asked(where, ana, measure(build, "1", "ml1"))
     assert "measurement" in first
     assert second["error"]["code"] == "id-in-use"
+
+
+def test_refused_requests_displace_no_answer_of_one_that_was_carried_out(
+    clients: tuple[Location, ClientKey, ClientKey],
+) -> None:
+    """Ana glues a layer. However much is refused, to Ben or to her, her repeated request does not glue another one."""
+    where, ana, ben = clients
+    glued = asked(where, ana, glue("once", command="next"))
+    with zmq.Context() as context:
+        for key in (ben, ana):
+            with context.socket(zmq.DEALER) as link:
+                link.linger = 0
+                unlock(link, key)
+                link.connect(where.requests)
+                for k in range(REMEMBERED + 1):
+                    link.send(json.dumps({"request": "release", "id": f"refused-{k}", "lease": "none"}).encode())
+                    assert link.poll(30_000)
+                    assert json.loads(link.recv())["error"]["code"] == "no-such-lease"
+            assert asked(where, ana, glue("once", command="next")) == glued
+    with connect() as lab:
+        assert lab.bench({"command": "status"})["step"] == glued["answer"]["step"]
 
 
 def test_a_lease_is_of_use_to_its_own_key_alone(clients: tuple[Location, ClientKey, ClientKey], build: Build) -> None:

@@ -4,11 +4,8 @@ import asyncio
 import hashlib
 import logging
 import time
-from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TypeAlias
 
 import msgspec
 import zmq.asyncio
@@ -26,13 +23,11 @@ from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
 from ..access.unread_answers import UnreadAnswers
 from ..analyzers.served_analyzers import ServedAnalyzer
+from .answer_memory import AnswerMemory, GivenAnswer, Said
 from .request_errors import RequestError
-from .request_handlers import RequestHandlers, scoped
+from .request_handlers import RequestHandlers
 
 log = logging.getLogger(__name__)
-
-REMEMBERED = 1000
-"""Number of answers to keep, so that a repeated request gets the same answer and is not carried out again."""
 
 AT_ONCE = 100
 """Greatest number of long requests under way; further requests are read when one of them has been answered."""
@@ -62,17 +57,6 @@ LONGEST_COMMAND = 4096
 MOST_TOLD = 1000
 """Greatest number of characters of a bench command that the journal keeps."""
 
-Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
-"""The frames of an answer, now or later."""
-
-
-@dataclass(frozen=True)
-class _Done:
-    """An answer that was given, and the hash of its request."""
-
-    digest: bytes
-    said: Said
-
 
 class RequestServer:
     """Answers requests for as long as `serve` runs.
@@ -89,7 +73,7 @@ class RequestServer:
         self._handlers = handlers
         self._guard = guard
         self._unread = UnreadAnswers()
-        self._done: OrderedDict[str, _Done] = OrderedDict()
+        self._memory = AnswerMemory()
         self._tasks: set[asyncio.Task[None]] = set()
         self._looking = ThreadPoolExecutor(1, "looking")
 
@@ -161,9 +145,10 @@ class RequestServer:
             client = self._access.check(key, request)
         except PzctlError as error:
             return self._why_not(_id_of(frames), error)
-        place, digest = scoped(client, request.id), hashlib.sha256(b"".join(frames)).digest()
-        if (done := self._done.get(place)) is not None:
-            return done.said if done.digest == digest else self._why_not(request.id, _id_in_use(request.id))
+        digest = hashlib.sha256(b"".join(frames)).digest()
+        if (given := self._memory.given(client, request.id)) is not None:
+            return given.said if given.digest == digest else self._why_not(request.id, _id_in_use(request.id))
+        refused = False
         if isinstance(request, LONG):
             outcome = asyncio.ensure_future(self._arrange(request, client))
         else:
@@ -171,13 +156,11 @@ class RequestServer:
                 answer, more = self._handlers.answer(request, frames[1:], client)
                 outcome = [to_json(answer), *more]
             except Exception as error:
-                outcome = self._why_not(request.id, error)
+                outcome, refused = self._why_not(request.id, error), True
                 if isinstance(error, JournalError):  # a repetition may succeed
                     return outcome
         if isinstance(request, ONCE):
-            self._done[place] = _Done(digest, outcome)
-            if len(self._done) > REMEMBERED:
-                self._done.popitem(last=False)
+            self._memory.keep(client, request.id, GivenAnswer(digest, outcome), refused=refused)
         return outcome
 
     async def _arrange(
@@ -207,8 +190,8 @@ class RequestServer:
                 raise RequestError("too-much", says, "ask for one sample")
             return [header, *more]
         except Exception as error:
-            if isinstance(error, JournalError):
-                self._done.pop(scoped(client, request.id), None)
+            if isinstance(request, ONCE):
+                self._memory.refuse(client, request.id, for_good=not isinstance(error, JournalError))
             return self._why_not(request.id, error)
 
     def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
