@@ -4,6 +4,7 @@ import asyncio
 import hashlib
 import logging
 import time
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -30,7 +31,7 @@ from .request_handlers import RequestHandlers
 log = logging.getLogger(__name__)
 
 AT_ONCE = 100
-"""Greatest number of long requests under way; further requests are read when one of them has been answered."""
+"""Greatest number of a client's requests that wait for their answers; further long ones of this client are refused."""
 
 TURN = 0.002
 """Seconds of answering after which other tasks get their turn. After 2 ms with invalid messages the server pauses for
@@ -75,6 +76,8 @@ class RequestServer:
         self._unread = UnreadAnswers()
         self._memory = AnswerMemory()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._waiting: Counter[str | None] = Counter()
+        """Number of answers that each key waits for."""
         self._looking = ThreadPoolExecutor(1, "looking")
 
     async def serve(self) -> None:
@@ -87,8 +90,6 @@ class RequestServer:
                 pass
             nonsense = counts["garbage"] > garbage and time.monotonic() >= until
             await asyncio.sleep(TURN if nonsense else 0)
-            while len(self._tasks) >= AT_ONCE:
-                await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
 
     def _answer_next(self) -> bool:
         """Answer the next request; return False if there is none."""
@@ -109,7 +110,8 @@ class RequestServer:
         if isinstance(answer, list):
             self._send(envelope, answer, began, descriptor)
         else:
-            task = asyncio.create_task(self._send_later(envelope, answer, began, descriptor))
+            self._waiting[key] += 1
+            task = asyncio.create_task(self._send_later(envelope, answer, began, descriptor, key))
             self._tasks.add(task)  # the event loop keeps only a weak reference
             task.add_done_callback(self._tasks.discard)
         return True
@@ -134,9 +136,17 @@ class RequestServer:
         self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
 
     async def _send_later(
-        self, envelope: Sequence[bytes], answer: "asyncio.Future[list[bytes]]", began: float, descriptor: int
+        self,
+        envelope: Sequence[bytes],
+        answer: "asyncio.Future[list[bytes]]",
+        began: float,
+        descriptor: int,
+        key: str | None,
     ) -> None:
-        self._send(envelope, await answer, began, descriptor)
+        try:
+            self._send(envelope, await answer, began, descriptor)
+        finally:
+            self._waiting[key] -= 1
 
     def _answer(self, frames: Sequence[bytes], key: str | None) -> Said:
         """Return the answer to a message, which is a refusal with the reason for an invalid one."""
@@ -146,10 +156,17 @@ class RequestServer:
         except PzctlError as error:
             return self._why_not(_id_of(frames), error)
         digest = hashlib.sha256(b"".join(frames)).digest()
+        full = self._waiting[key] >= AT_ONCE
         if (given := self._memory.given(client, request.id)) is not None:
-            return given.said if given.digest == digest else self._why_not(request.id, _id_in_use(request.id))
+            if given.digest != digest:
+                return self._why_not(request.id, _id_in_use(request.id))
+            if isinstance(given.said, list) or not full:
+                return given.said
+            return given.said.result() if given.said.done() else self._why_not(request.id, _busy())
         refused = False
-        if isinstance(request, LONG):
+        if isinstance(request, LONG) and full:
+            outcome, refused = self._why_not(request.id, _busy()), True
+        elif isinstance(request, LONG):
             outcome = asyncio.ensure_future(self._arrange(request, client))
         else:
             try:
@@ -182,7 +199,7 @@ class RequestServer:
                 answer, more = await loop.run_in_executor(self._looking, self._handlers.answer, request, (), client)
             else:
                 answer, more = self._handlers.answer(request, (), client)
-            if isinstance(request, ask.LeaseRequest):
+            if isinstance(request, ask.LeaseRequest) and request.lease is None:  # nothing is measured, so this is soon
                 await self._handlers.leased(request, client).acquisition.let_go()
             header = to_json(answer)
             if len(header) > LARGEST_FRAME:
@@ -233,6 +250,11 @@ def _unread(waiting: int) -> RequestError:
         f"{waiting >> 20} MB of earlier answers were not read yet",
         "read the earlier answers first, or ask one after the other",
     )
+
+
+def _busy() -> RequestError:
+    says = f"{AT_ONCE} requests of this client wait for their answers already"
+    return RequestError("busy", says, "wait for one of the answers")
 
 
 def _id_in_use(request: str) -> RequestError:
