@@ -61,7 +61,7 @@ class Store(ABC):
 
     @abstractmethod
     def transaction(self) -> AbstractContextManager[None]:
-        """Make all changes inside atomic, and on disk at the end."""
+        """Make all changes inside atomic, and on disk at the end; a transaction inside another one is part of it."""
 
     @abstractmethod
     def snapshot(self) -> AbstractContextManager[None]:

@@ -69,7 +69,10 @@ class FolderStore(Store):
 
     @contextmanager
     def transaction(self) -> Generator[None]:
-        """Make all changes inside atomic, and sync them at the end."""
+        """Make all changes inside atomic, and sync them at the end; a transaction inside another one is part of it."""
+        if self._db.in_transaction:
+            yield
+            return
         with self._within("BEGIN IMMEDIATE"):
             yield
 
@@ -84,10 +87,11 @@ class FolderStore(Store):
         self.run(begin)
         try:
             yield
+            self.run("COMMIT")
         except BaseException:
-            self.run("ROLLBACK")
+            if self._db.in_transaction:  # SQLite ends it by itself after some errors of the disk
+                self.run("ROLLBACK")
             raise
-        self.run("COMMIT")
 
     def write_array(self, event: str, data: bytes) -> None:
         """Write an array's file atomically."""

@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
+from ....models.build import Build
 from ...journal.journal_writer import JournalWriter
 from ...journal.store import JournalAway
-from ...wire.events import Event, Payload, ProgressEvent
+from ...wire.events import Event, Payload, ProgressEvent, StateEvent
 from ...wire.metrics import Metrics
 from ...wire.uuid7 import uuid7
 from .spool import Spool
@@ -64,6 +65,21 @@ class DurablePublisher:
             self._there.clear()
             self._put_off(named, payload)
 
+    def begin(self, request: str, build: Build, step: str, queued: StateEvent) -> tuple[str, bool]:
+        """Record an accepted measurement together with the event that says so, and publish the event.
+
+        Return the measurement's id, and False if the same request was accepted before. Raises JournalError, and then
+        nothing was recorded.
+        """
+        began = time.monotonic()
+        with self._journal.together():
+            measurement, new = self._journal.begin_measurement(request, build, step)
+            if not new:
+                return measurement, False
+            stamped, frames = self._journal.append(msgspec.structs.replace(queued, measurement=measurement))
+        self._announce(stamped, frames, began)
+        return measurement, True
+
     def catch_up(self) -> None:
         """Publish the postponed events, those of an earlier run as well. Raises JournalError."""
         while self._unsaved:
@@ -98,6 +114,9 @@ class DurablePublisher:
     def _keep_and_say(self, event: Event, payload: Payload) -> None:
         began = time.monotonic()
         stamped, frames = self._journal.append(event, payload)
+        self._announce(stamped, frames, began)
+
+    def _announce(self, stamped: Event, frames: Sequence[bytes], began: float) -> None:
         self._say(frames)
         self._metrics.lasted("publish", time.monotonic() - began)
         self._said(stamped)

@@ -26,7 +26,7 @@ from ..access.unread_answers import UnreadAnswers
 from ..analyzers.served_analyzers import ServedAnalyzer
 from .answer_memory import AnswerMemory, GivenAnswer, Said
 from .request_errors import RequestError
-from .request_handlers import RequestHandlers
+from .request_handlers import RequestHandlers, asked_for
 
 log = logging.getLogger(__name__)
 
@@ -190,7 +190,7 @@ class RequestServer:
                 on.lease.check_client(client)
                 answer = await _bench(on, request, client)
                 says = to_json(request.command).decode()[:MOST_TOLD]
-                self._handlers.audit(request, client, "bench", says, analyzer=on.name)
+                self._handlers.audit(asked_for(request, client, "bench", says, analyzer=on.name))
                 return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._handlers.jobs.effects())
