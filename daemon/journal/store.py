@@ -22,7 +22,7 @@ class JournalError(CannotError):
 
 
 class JournalAway(JournalError):
-    """The journal's server cannot be reached; it may be back soon."""
+    """The journal's server cannot be reached, or another program has locked its database; it may be back soon."""
 
 
 class Store(ABC):

@@ -277,9 +277,16 @@ class Acquisition:
             nonlocal last
             if time.monotonic() - last >= PROGRESS_EVERY:
                 last = time.monotonic()
-                loop.call_soon_threadsafe(self._publish, _progress(job, progress), ())
+                loop.call_soon_threadsafe(self._tell, _progress(job, progress))
 
         return report
+
+    def _tell(self, progress: ProgressEvent) -> None:
+        """Publish progress. If the journal fails, the measurement's next event says so, and ends the daemon."""
+        try:
+            self._publish(progress, ())
+        except JournalError as error:
+            log.warning("progress was not published: %s", error)
 
 
 def _progress(job: MeasurementJob, progress: Progress) -> ProgressEvent:
