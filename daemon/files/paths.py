@@ -49,7 +49,7 @@ def journal_folder(home: Path) -> Path:
 
 
 def unsaved_folder(home: Path) -> Path:
-    """Return the folder of events that wait until the journal's server can be reached again."""
+    """Return the folder of events that wait until the journal can be written again."""
     return home / "unsaved"
 
 

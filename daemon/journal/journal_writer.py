@@ -4,7 +4,8 @@ A sweep's bytes and its row are completely on disk before it is published; see `
 """
 
 import hashlib
-from contextlib import ExitStack
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TypeVar
 
@@ -70,6 +71,17 @@ class JournalWriter(JournalReader):
                 self.store.write_array(stamped.id, with_index(data, index))
         self.last_seq += 1
         return stamped, frames
+
+    @contextmanager
+    def together(self) -> Generator[None]:
+        """Write all rows inside, or none of them."""
+        last_seq = self.last_seq
+        try:
+            with self.store.transaction():
+                yield
+        except BaseException:
+            self.last_seq = last_seq
+            raise
 
     def said(self, event: str) -> list[bytes] | None:
         """Return the frames of the event with this id, or None if there is none."""

@@ -22,7 +22,7 @@ class JournalError(CannotError):
 
 
 class JournalAway(JournalError):
-    """The journal's server cannot be reached; it may be back soon."""
+    """The journal's server cannot be reached, or another program has locked its database; it may be back soon."""
 
 
 class Store(ABC):
@@ -61,7 +61,7 @@ class Store(ABC):
 
     @abstractmethod
     def transaction(self) -> AbstractContextManager[None]:
-        """Make all changes inside atomic, and on disk at the end."""
+        """Make all changes inside atomic, and on disk at the end; a transaction inside another one is part of it."""
 
     @abstractmethod
     def snapshot(self) -> AbstractContextManager[None]:

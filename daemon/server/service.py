@@ -238,6 +238,7 @@ class Daemon:
             jobs=self._jobs,
             endpoints=endpoints,
             settings=asdict(options) | {"journal": options.journal and without_password(options.journal)},
+            begin=self._publisher.begin,
             publish=self.publish,
             shutdown=self._end,
             metrics=self._metrics,

@@ -16,6 +16,9 @@ from .result_messages import FitReport
 MOST_EVENTS = 50
 """Greatest number of events in one answer to `replay`."""
 
+LAST_SEQ = 2**63 - 1
+"""Greatest `seq` that a database can hold."""
+
 LONGEST_REASON = 1000
 """Greatest number of characters of the reason for withdrawing a measurement."""
 
@@ -107,8 +110,8 @@ class WithdrawRequest(Request, frozen=True, kw_only=True, tag="withdraw"):
 class ReplayRequest(Request, frozen=True, kw_only=True, tag="replay"):
     """Ask for the events `since` .. `until` (both included) again, at most `max` in one answer."""
 
-    since: Annotated[int, msgspec.Meta(ge=1)]
-    until: int | None = None
+    since: Annotated[int, msgspec.Meta(ge=1, le=LAST_SEQ)]
+    until: Annotated[int, msgspec.Meta(ge=0, le=LAST_SEQ)] | None = None
     max: Annotated[int, msgspec.Meta(ge=1, le=MOST_EVENTS)] = MOST_EVENTS
 
 

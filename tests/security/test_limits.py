@@ -111,7 +111,10 @@ def test_a_measurement_can_be_cancelled_in_every_state(
         runs, waits = lab.begin(build, "disk", long), lab.begin(build, "disk", long)
         wait_until(lambda: lab.status().measuring == runs)
         lab.cancel(waits)
-        lab.cancel(waits)  # the second time it is being cancelled already
+        states = [one.event.state for one in lab.replay(1) if getattr(one.event, "measurement", None) == waits]
+        assert (states, lab.status().queue) == (["queued", "cancelling", "cancelled"], ()), "at once, not after `runs`"
+        with pytest.raises(DaemonError, match="neither runs nor waits"):
+            lab.cancel(waits)
         lab.cancel(runs)
         wait_until(lambda: lab.status().measuring is None and not lab.status().queue)
         assert [one.state for one in lab.samples()[0].measurements] == ["cancelled", "cancelled"]

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..store import JournalError, Store
+from ..store import JournalAway, JournalError, Store
 from .array_folder import ORPHANS, ArrayFolder
 from .database_file import DATABASE, check_beside_arrays
 from .migrations import VERSION, check_version, migrate_sqlite
@@ -24,7 +24,8 @@ LEAST_FREE = 64 << 20
 """Bytes that must be free on the disk to accept a measurement: some thousand sweeps."""
 
 PATIENCE = 2.0
-"""Seconds to wait for another program that locks the database: less than clients wait for a beat."""
+"""Seconds to wait for another program that locks the database: less than clients wait for a beat. Once they were not
+enough, no transaction waits until one succeeds, so that the daemon is held up only once."""
 
 
 class FolderStore(Store):
@@ -34,6 +35,7 @@ class FolderStore(Store):
         """Open the folder; `unchecked` allows a new database beside existing arrays, which only a repair may make."""
         self.name = str(folder)
         self._folder = folder
+        self._patience = PATIENCE
         self.files = ArrayFolder(folder)
         if not unchecked:
             check_beside_arrays(folder, lambda: len(self.files.files()))
@@ -69,8 +71,12 @@ class FolderStore(Store):
 
     @contextmanager
     def transaction(self) -> Generator[None]:
-        """Make all changes inside atomic, and sync them at the end."""
+        """Make all changes inside atomic, and sync them at the end; a transaction inside another one is part of it."""
+        if self._db.in_transaction:
+            yield
+            return
         with self._within("BEGIN IMMEDIATE"):
+            self._wait_for_others(PATIENCE)
             yield
 
     @contextmanager
@@ -81,13 +87,24 @@ class FolderStore(Store):
 
     @contextmanager
     def _within(self, begin: str) -> Generator[None]:
-        self.run(begin)
+        try:
+            self.run(begin)
+        except JournalAway:
+            self._wait_for_others(0.0)
+            raise
         try:
             yield
+            self.run("COMMIT")
         except BaseException:
-            self.run("ROLLBACK")
+            if self._db.in_transaction:  # SQLite ends it by itself after some errors of the disk
+                self.run("ROLLBACK")
             raise
-        self.run("COMMIT")
+
+    def _wait_for_others(self, seconds: float) -> None:
+        """Let statements from now on wait as long for another program that locks the database."""
+        if seconds != self._patience:
+            self.run(f"PRAGMA busy_timeout = {1000 * seconds:.0f}")
+            self._patience = seconds
 
     def write_array(self, event: str, data: bytes) -> None:
         """Write an array's file atomically."""
@@ -216,10 +233,19 @@ def _read_only(folder: Path, how: str) -> sqlite3.Connection:
 
 @contextmanager
 def _database_errors(where: Path) -> Generator[None]:
-    """Raise the errors of disk and database as JournalError."""
+    """Raise the errors of disk and database as JournalError, or as JournalAway if another program has locked it."""
     try:
         yield
     except (OSError, sqlite3.Error) as error:
+        if isinstance(error, sqlite3.Error) and _is_locked(error):
+            says = f"another program has locked {DATABASE}; nothing is measured until it is free"
+            raise JournalAway(f"{where}: the journal cannot be read or written: {says}") from error
         damaged = "malformed" in str(error) or "not a database" in str(error)
         remedy = f"; restore {DATABASE} from a backup, or run `pzctl journal repair`" if damaged else ""
         raise JournalError(f"{where}: the journal cannot be read or written: {error}{remedy}") from error
+
+
+def _is_locked(error: sqlite3.Error) -> bool:
+    """Return whether another connection has locked the database; the lowest byte of SQLite's code is the kind."""
+    code: int | None = getattr(error, "sqlite_errorcode", None)  # missing in errors that the module raises by itself
+    return code is not None and code & 0xFF == sqlite3.SQLITE_BUSY

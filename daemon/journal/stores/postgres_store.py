@@ -89,7 +89,7 @@ class PostgresStore(Store):
 
     @contextmanager
     def transaction(self) -> Generator[None]:
-        """Make all changes inside atomic; the server syncs them at the end."""
+        """Make all changes inside atomic; the server syncs them at the end. One inside another one is part of it."""
         with self._server_errors(), self._db.transaction():
             yield
 

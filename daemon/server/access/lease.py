@@ -1,7 +1,8 @@
 """The lease of the instrument, which gives one owner exclusive use until it is returned or expires."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
@@ -52,6 +53,16 @@ class Lease:
         """Return the lease. Raises RequestError if this client has no lease with this id."""
         self._own(client, lease)
         self._held = None
+
+    @contextmanager
+    def undone_on_error(self) -> Generator[None]:
+        """Let everything inside change the lease only if it succeeds."""
+        held = self._held
+        try:
+            yield
+        except BaseException:
+            self._held = held
+            raise
 
     def check(self, client: str, lease: str | None) -> None:
         """Raise RequestError if the instrument is leased under another id."""

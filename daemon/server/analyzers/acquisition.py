@@ -33,6 +33,8 @@ log = logging.getLogger(__name__)
 PROGRESS_EVERY = 0.2
 """Least seconds between two progress events, since the journal keeps them like every event."""
 
+BEFORE_IT_BEGAN = "the measurement was cancelled before it began"
+
 
 @dataclass(frozen=True)
 class MeasurementJob:
@@ -183,14 +185,24 @@ class Acquisition:
         await self._analyzer.let_go()
 
     def cancel(self, measurement: str | None) -> MeasurementJob | None:
-        """Cancel a job, by default the running one; return it, or None if there is none."""
+        """Cancel a job, by default the running one; return it, or None if there is none.
+
+        One that waits leaves the queue at once; `end_cancelled` publishes its end.
+        """
         jobs = [job for job in (self.current, *self.waiting) if job is not None]
         if measurement is None:
             jobs = [] if self.current is None else [self.current]
         cancelled = next((job for job in jobs if measurement in (None, job.measurement)), None)
         if cancelled is not None:
             cancelled.cancelled.set()
+            if cancelled is not self.current:
+                self.waiting.remove(cancelled)
         return cancelled
+
+    def end_cancelled(self, job: MeasurementJob) -> None:
+        """Publish the end of a job that was cancelled while it waited; the running one ends by itself."""
+        if job is not self.current:
+            self._state(job, "cancelled", BEFORE_IT_BEGAN)
 
     def cancel_all(self) -> None:
         """Cancel the running job and all that wait."""
@@ -201,17 +213,18 @@ class Acquisition:
     async def work(self) -> None:
         """Measure until cancelled. Raises JournalError if the journal fails, because results must not be lost."""
         while True:
-            while self.waiting:
-                await self._ready()  # until the journal can take the result
+            await self._ready()  # until the journal can take the result; meanwhile all that wait may be cancelled
+            if self.waiting:
                 self.current = self.waiting.popleft()
                 await self._do(self.current)
                 self.current = None
-            self._more.clear()
-            await self._more.wait()
+            else:
+                self._more.clear()
+                await self._more.wait()
 
     async def _do(self, job: MeasurementJob) -> None:
         if job.cancelled.is_set():
-            self._state(job, "cancelled", "the measurement was cancelled before it began")
+            self._state(job, "cancelled", BEFORE_IT_BEGAN)
             return
         self._state(job, "measuring")
         try:
@@ -264,9 +277,16 @@ class Acquisition:
             nonlocal last
             if time.monotonic() - last >= PROGRESS_EVERY:
                 last = time.monotonic()
-                loop.call_soon_threadsafe(self._publish, _progress(job, progress), ())
+                loop.call_soon_threadsafe(self._tell, _progress(job, progress))
 
         return report
+
+    def _tell(self, progress: ProgressEvent) -> None:
+        """Publish progress. If the journal fails, the measurement's next event says so, and ends the daemon."""
+        try:
+            self._publish(progress, ())
+        except JournalError as error:
+            log.warning("progress was not published: %s", error)
 
 
 def _progress(job: MeasurementJob, progress: Progress) -> ProgressEvent:

@@ -1,4 +1,7 @@
-"""Writes every event to the journal and then publishes it; if the journal's server is away, once it is back."""
+"""Writes every event to the journal and then publishes it; if the journal is away, once it is back.
+
+It is away while its server cannot be reached, or another program has locked its database.
+"""
 
 import asyncio
 import logging
@@ -7,9 +10,10 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
+from ....models.build import Build
 from ...journal.journal_writer import JournalWriter
 from ...journal.store import JournalAway
-from ...wire.events import Event, Payload, ProgressEvent
+from ...wire.events import Event, Payload, ProgressEvent, StateEvent
 from ...wire.metrics import Metrics
 from ...wire.uuid7 import uuid7
 from .spool import Spool
@@ -17,7 +21,7 @@ from .spool import Spool
 log = logging.getLogger(__name__)
 
 KNOCK = 1.0
-"""Seconds between two attempts to reach a server that is away."""
+"""Seconds between two attempts to reach a journal that is away."""
 
 
 class DurablePublisher:
@@ -41,7 +45,7 @@ class DurablePublisher:
 
     @property
     def is_away(self) -> bool:
-        """Whether the journal's server is away, or has not yet received all events it missed."""
+        """Whether the journal is away, or has not yet received all events it missed."""
         return not self._there.is_set()
 
     async def there(self) -> None:
@@ -51,7 +55,7 @@ class DurablePublisher:
     def publish(self, event: Event, payload: Payload) -> None:
         """Write an event to the journal, then publish it. Raises JournalError, and then nothing was published.
 
-        While the journal's server is away, the event is kept in the data folder and published when the server is back.
+        While the journal is away, the event is kept in the data folder and published when the journal is back.
         """
         named = msgspec.structs.replace(event, id=event.id or uuid7())
         if not self._there.is_set():
@@ -64,6 +68,25 @@ class DurablePublisher:
             self._there.clear()
             self._put_off(named, payload)
 
+    def begin(self, request: str, build: Build, step: str, queued: StateEvent) -> tuple[str, bool]:
+        """Record an accepted measurement together with the event that says so, and publish the event.
+
+        Return the measurement's id, and False if the same request was accepted before. Raises JournalError, and then
+        nothing was recorded.
+        """
+        began = time.monotonic()
+        try:
+            with self._journal.together():
+                measurement, new = self._journal.begin_measurement(request, build, step)
+                if not new:
+                    return measurement, False
+                stamped, frames = self._journal.append(msgspec.structs.replace(queued, measurement=measurement))
+        except JournalAway:
+            self._there.clear()
+            raise
+        self._announce(stamped, frames, began)
+        return measurement, True
+
     def catch_up(self) -> None:
         """Publish the postponed events, those of an earlier run as well. Raises JournalError."""
         while self._unsaved:
@@ -71,13 +94,13 @@ class DurablePublisher:
             frames = self._journal.said(event.id)
             if frames is None:
                 self._keep_and_say(event, payload)
-            else:  # the server had written the event before the connection was lost
+            else:  # a server had written the event before the connection was lost
                 self._say(frames)
                 self._said(event)
             self._unsaved.drop()
 
     async def mend(self) -> None:
-        """Reconnect to the journal's server whenever it was away, and catch up; runs until cancelled.
+        """Catch up whenever the journal was away, reconnected to its server if it has one; runs until cancelled.
 
         Raises JournalError if the journal is not the same as before.
         """
@@ -87,17 +110,23 @@ class DurablePublisher:
                 continue
             self._there.clear()
             try:
-                self._journal.resume(await asyncio.to_thread(self._journal.reopened))
+                if self._journal.store.gone:
+                    self._journal.resume(await asyncio.to_thread(self._journal.reopened))
+                with self._journal.together():  # also if nothing was postponed: a locked database is away still
+                    pass
                 self.catch_up()
             except JournalAway as error:
                 log.warning("%s", error)
                 continue
-            log.info("%s: the journal's server is back", self._journal.name)
+            log.info("%s: the journal is back", self._journal.name)
             self._there.set()
 
     def _keep_and_say(self, event: Event, payload: Payload) -> None:
         began = time.monotonic()
         stamped, frames = self._journal.append(event, payload)
+        self._announce(stamped, frames, began)
+
+    def _announce(self, stamped: Event, frames: Sequence[bytes], began: float) -> None:
         self._say(frames)
         self._metrics.lasted("publish", time.monotonic() - began)
         self._said(stamped)

@@ -1,4 +1,4 @@
-"""Events that wait for the journal's server, in files of the data folder."""
+"""Events that wait for the journal, in files of the data folder."""
 
 import os
 from pathlib import Path
@@ -35,7 +35,7 @@ class Spool:
                 os.fsync(file.fileno())
             part.replace(path)
         except OSError as error:
-            raise JournalError(f"{path}: an event for the journal's server cannot be kept: {error}") from error
+            raise JournalError(f"{path}: an event that waits for the journal cannot be kept: {error}") from error
         self._waiting.append(path)
 
     def first(self) -> tuple[AnyEvent, Payload]:
@@ -45,7 +45,7 @@ class Spool:
             return _event.decode(header), payload
         except (OSError, msgspec.MsgspecError) as error:
             raise JournalError(
-                f"{self._waiting[0]}: an event for the journal's server cannot be read: {error}"
+                f"{self._waiting[0]}: an event that waits for the journal cannot be read: {error}"
             ) from error
 
     def drop(self) -> None:

@@ -1,10 +1,11 @@
 """The handlers of all requests but `bench`: look-ups, changes of the queue, answers of fitters."""
 
 import hashlib
+import logging
 import os
 import time
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cache, singledispatchmethod
 from importlib.metadata import version
@@ -12,9 +13,11 @@ from typing import Any
 
 from ....fitters.plugins import installed_names
 from ....models.base.names import among
+from ....models.build import Build
 from ....models.sweep_plan import PlanError, SweepPlan
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
+from ...journal.store import JournalError
 from ...journal.stores.event_rows import WITHDRAWN
 from ...journal.withdrawal import WithdrawalError, withdrawal_event
 from ...wire import replies as reply
@@ -30,6 +33,8 @@ from ..workers.job_worker import diagnosis_version
 from ..workers.supervisor import Supervisor
 from .request_errors import RequestError
 from .submissions import checked
+
+log = logging.getLogger(__name__)
 
 MOST_FITTERS = 100
 """Greatest number of fitters in the list."""
@@ -54,6 +59,8 @@ class RequestHandlers:
     jobs: JobRunner
     endpoints: tuple[str, str]
     settings: dict[str, Any]
+    begin: Callable[[str, Build, str, StateEvent], tuple[str, bool]]
+    """Records and publishes an accepted measurement; see `DurablePublisher.begin`."""
     publish: Callable[[Event, Payload], None]
     shutdown: Callable[[], None]
     metrics: Metrics
@@ -150,39 +157,40 @@ class RequestHandlers:
             raise RequestError(
                 "bad-plan", str(error), "change the plan of the request, or [sweep] in build.toml"
             ) from error
+        sample = SampleStep(request.build.name, request.step)
         if request.decides is not None:
-            self._check_decides(request.decides, SampleStep(request.build.name, request.step))
+            self._check_decides(request.decides, sample)
         on.lease.check(client, request.lease)
         on.bench_step.check(request.step)
         if on.acquisition.waiting_of(client) >= MOST_WAITING:
             raise RequestError(
                 "queue-full", f"{MOST_WAITING} measurements of {client!r} wait already", "cancel some, or wait"
             )
-        measurement, new = self.journal.begin_measurement(scoped(client, request.id), request.build, request.step)
-        says = _summary(plan)
-        if not new:
-            self._check_repeated(request.id, measurement, on.name, says)
-        else:
+        queued = asked_for(request, client, "queued", _summary(plan), sample=sample, analyzer=on.name)
+        measurement, new = self.begin(scoped(client, request.id), request.build, request.step, queued)
+        if new:
             arguments = (plan, request.priority, request.decides, client, request.by)
-            job = MeasurementJob(measurement, request.build, request.step, *arguments)
-            self.audit(request, client, "queued", says, measurement=measurement, sample=job.sample, analyzer=on.name)
-            on.acquisition.add(job)
+            on.acquisition.add(MeasurementJob(measurement, request.build, request.step, *arguments))
+        else:
+            self._check_repeated(request.id, measurement, on.name, queued.says)
         return reply.MeasureAnswer(id=request.id, measurement=measurement, analyzer=on.name), []
 
     @answer.register
     def _(self, request: ask.LeaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         on = self.leased(request, client)
         busy = on.acquisition.is_busy
-        lease, state = on.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
-        says = f"to {request.owner!r} for {request.seconds:g} s"
-        self.audit(request, client, "leased", says, analyzer=on.name)
+        with on.lease.undone_on_error():
+            lease, state = on.lease.take(client, request.owner, request.seconds, request.lease, busy=busy)
+            says = f"to {request.owner!r} for {request.seconds:g} s"
+            self.publish(asked_for(request, client, "leased", says, analyzer=on.name), ())
         return reply.LeaseAnswer(id=request.id, lease=lease, until=state.until), []
 
     @answer.register
     def _(self, request: ask.ReleaseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         on = self.analyzers.of_lease(request.lease, client)
-        on.lease.give_back(client, request.lease)
-        self.audit(request, client, "released", analyzer=on.name)
+        with on.lease.undone_on_error():
+            on.lease.give_back(client, request.lease)
+            self.publish(asked_for(request, client, "released", analyzer=on.name), ())
         return reply.Answer(id=request.id), []
 
     @answer.register
@@ -196,7 +204,10 @@ class RequestHandlers:
         if job is None:
             named = f"measurement {request.measurement!r} neither runs nor waits" if request.measurement else None
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
-        self.audit(request, client, "cancelling", measurement=job.measurement, sample=job.sample, analyzer=on.name)
+        did = "cancelling"
+        self.audit(asked_for(request, client, did, measurement=job.measurement, sample=job.sample, analyzer=on.name))
+        with _whatever_the_journal_does("the end of a cancelled measurement"):
+            on.acquisition.end_cancelled(job)
         return reply.Answer(id=request.id), []
 
     @answer.register
@@ -286,31 +297,17 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.ShutdownRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         self.analyzers.check_every(client)
-        self.audit(request, client, "shutdown")
+        self.audit(asked_for(request, client, "shutdown"))
         self.shutdown()
         return reply.Answer(id=request.id), []
 
-    def audit(
-        self,
-        request: ask.Request,
-        client: str,
-        did: str,
-        says: str = "",
-        measurement: str | None = None,
-        sample: SampleStep | None = None,
-        analyzer: str = "",
-    ) -> None:
-        """Publish who requested an action, so that the journal keeps it, hashed and chained like every event."""
-        event = StateEvent(
-            state=did,
-            says=says,
-            measurement=measurement,
-            sample=sample,
-            analyzer=analyzer,
-            client=client,
-            by=request.by,
-        )
-        self.publish(event, ())
+    def audit(self, event: StateEvent) -> None:
+        """Publish who requested an action that is carried out whether or not the journal can keep the event.
+
+        If it cannot, only the log names the client.
+        """
+        with _whatever_the_journal_does(f"{event.state} {event.says} by {event.client!r}"):
+            self.publish(event, ())
 
     def leased(self, request: ask.LeaseRequest, client: str) -> ServedAnalyzer:
         """Return the analyzer to lease. Raises RequestError."""
@@ -377,6 +374,37 @@ class RequestHandlers:
         if known is None:
             raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
         return known
+
+
+def asked_for(
+    request: ask.Request,
+    client: str,
+    did: str,
+    says: str = "",
+    *,
+    measurement: str | None = None,
+    sample: SampleStep | None = None,
+    analyzer: str = "",
+) -> StateEvent:
+    """Return the event that tells who requested an action."""
+    return StateEvent(
+        state=did,
+        says=says,
+        measurement=measurement,
+        sample=sample,
+        analyzer=analyzer,
+        client=client,
+        by=request.by,
+    )
+
+
+@contextmanager
+def _whatever_the_journal_does(what: str) -> Generator[None]:
+    """Log a JournalError instead of raising it: what protects sample and instrument does not depend on the journal."""
+    try:
+        yield
+    except JournalError as error:
+        log.error("not in the journal: %s: %s", what, error)
 
 
 def scoped(client: str, request: str) -> str:

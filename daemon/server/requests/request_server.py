@@ -4,11 +4,9 @@ import asyncio
 import hashlib
 import logging
 import time
-from collections import OrderedDict
+from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TypeAlias
 
 import msgspec
 import zmq.asyncio
@@ -26,16 +24,14 @@ from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
 from ..access.unread_answers import UnreadAnswers
 from ..analyzers.served_analyzers import ServedAnalyzer
+from .answer_memory import AnswerMemory, GivenAnswer, Said
 from .request_errors import RequestError
-from .request_handlers import RequestHandlers, scoped
+from .request_handlers import RequestHandlers, asked_for
 
 log = logging.getLogger(__name__)
 
-REMEMBERED = 1000
-"""Number of answers to keep, so that a repeated request gets the same answer and is not carried out again."""
-
 AT_ONCE = 100
-"""Greatest number of long requests under way; further requests are read when one of them has been answered."""
+"""Greatest number of a client's requests that wait for their answers; further long ones of this client are refused."""
 
 TURN = 0.002
 """Seconds of answering after which other tasks get their turn. After 2 ms with invalid messages the server pauses for
@@ -62,17 +58,6 @@ LONGEST_COMMAND = 4096
 MOST_TOLD = 1000
 """Greatest number of characters of a bench command that the journal keeps."""
 
-Said: TypeAlias = "list[bytes] | asyncio.Future[list[bytes]]"
-"""The frames of an answer, now or later."""
-
-
-@dataclass(frozen=True)
-class _Done:
-    """An answer that was given, and the hash of its request."""
-
-    digest: bytes
-    said: Said
-
 
 class RequestServer:
     """Answers requests for as long as `serve` runs.
@@ -89,8 +74,10 @@ class RequestServer:
         self._handlers = handlers
         self._guard = guard
         self._unread = UnreadAnswers()
-        self._done: OrderedDict[str, _Done] = OrderedDict()
+        self._memory = AnswerMemory()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._waiting: Counter[str | None] = Counter()
+        """Number of answers that each key waits for."""
         self._looking = ThreadPoolExecutor(1, "looking")
 
     async def serve(self) -> None:
@@ -103,8 +90,6 @@ class RequestServer:
                 pass
             nonsense = counts["garbage"] > garbage and time.monotonic() >= until
             await asyncio.sleep(TURN if nonsense else 0)
-            while len(self._tasks) >= AT_ONCE:
-                await asyncio.wait(self._tasks, return_when=asyncio.FIRST_COMPLETED)
 
     def _answer_next(self) -> bool:
         """Answer the next request; return False if there is none."""
@@ -125,7 +110,8 @@ class RequestServer:
         if isinstance(answer, list):
             self._send(envelope, answer, began, descriptor)
         else:
-            task = asyncio.create_task(self._send_later(envelope, answer, began, descriptor))
+            self._waiting[key] += 1
+            task = asyncio.create_task(self._send_later(envelope, answer, began, descriptor, key))
             self._tasks.add(task)  # the event loop keeps only a weak reference
             task.add_done_callback(self._tasks.discard)
         return True
@@ -150,9 +136,17 @@ class RequestServer:
         self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
 
     async def _send_later(
-        self, envelope: Sequence[bytes], answer: "asyncio.Future[list[bytes]]", began: float, descriptor: int
+        self,
+        envelope: Sequence[bytes],
+        answer: "asyncio.Future[list[bytes]]",
+        began: float,
+        descriptor: int,
+        key: str | None,
     ) -> None:
-        self._send(envelope, await answer, began, descriptor)
+        try:
+            self._send(envelope, await answer, began, descriptor)
+        finally:
+            self._waiting[key] -= 1
 
     def _answer(self, frames: Sequence[bytes], key: str | None) -> Said:
         """Return the answer to a message, which is a refusal with the reason for an invalid one."""
@@ -161,23 +155,29 @@ class RequestServer:
             client = self._access.check(key, request)
         except PzctlError as error:
             return self._why_not(_id_of(frames), error)
-        place, digest = scoped(client, request.id), hashlib.sha256(b"".join(frames)).digest()
-        if (done := self._done.get(place)) is not None:
-            return done.said if done.digest == digest else self._why_not(request.id, _id_in_use(request.id))
-        if isinstance(request, LONG):
+        digest = hashlib.sha256(b"".join(frames)).digest()
+        full = self._waiting[key] >= AT_ONCE
+        if (given := self._memory.given(client, request.id)) is not None:
+            if given.digest != digest:
+                return self._why_not(request.id, _id_in_use(request.id))
+            if isinstance(given.said, list) or not full:
+                return given.said
+            return given.said.result() if given.said.done() else self._why_not(request.id, _busy())
+        refused = False
+        if isinstance(request, LONG) and full:
+            outcome, refused = self._why_not(request.id, _busy()), True
+        elif isinstance(request, LONG):
             outcome = asyncio.ensure_future(self._arrange(request, client))
         else:
             try:
                 answer, more = self._handlers.answer(request, frames[1:], client)
                 outcome = [to_json(answer), *more]
             except Exception as error:
-                outcome = self._why_not(request.id, error)
+                outcome, refused = self._why_not(request.id, error), True
                 if isinstance(error, JournalError):  # a repetition may succeed
                     return outcome
         if isinstance(request, ONCE):
-            self._done[place] = _Done(digest, outcome)
-            if len(self._done) > REMEMBERED:
-                self._done.popitem(last=False)
+            self._memory.keep(client, request.id, GivenAnswer(digest, outcome), refused=refused)
         return outcome
 
     async def _arrange(
@@ -190,7 +190,7 @@ class RequestServer:
                 on.lease.check_client(client)
                 answer = await _bench(on, request, client)
                 says = to_json(request.command).decode()[:MOST_TOLD]
-                self._handlers.audit(request, client, "bench", says, analyzer=on.name)
+                self._handlers.audit(asked_for(request, client, "bench", says, analyzer=on.name))
                 return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._handlers.jobs.effects())
@@ -199,7 +199,7 @@ class RequestServer:
                 answer, more = await loop.run_in_executor(self._looking, self._handlers.answer, request, (), client)
             else:
                 answer, more = self._handlers.answer(request, (), client)
-            if isinstance(request, ask.LeaseRequest):
+            if isinstance(request, ask.LeaseRequest) and request.lease is None:  # nothing is measured, so this is soon
                 await self._handlers.leased(request, client).acquisition.let_go()
             header = to_json(answer)
             if len(header) > LARGEST_FRAME:
@@ -207,8 +207,8 @@ class RequestServer:
                 raise RequestError("too-much", says, "ask for one sample")
             return [header, *more]
         except Exception as error:
-            if isinstance(error, JournalError):
-                self._done.pop(scoped(client, request.id), None)
+            if isinstance(request, ONCE):
+                self._memory.refuse(client, request.id, for_good=not isinstance(error, JournalError))
             return self._why_not(request.id, error)
 
     def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
@@ -250,6 +250,11 @@ def _unread(waiting: int) -> RequestError:
         f"{waiting >> 20} MB of earlier answers were not read yet",
         "read the earlier answers first, or ask one after the other",
     )
+
+
+def _busy() -> RequestError:
+    says = f"{AT_ONCE} requests of this client wait for their answers already"
+    return RequestError("busy", says, "wait for one of the answers")
 
 
 def _id_in_use(request: str) -> RequestError:

@@ -225,8 +225,8 @@ def simulator_that_does_not_start() -> object:
             "the journal in journal holds no complete measurement",
         ),
         (lambda: journal_without_measurements().build("m-17"), "journal: no measurement 'm-17'"),
-        (damaged_in_waiting, "unsaved/000000000.event: an event for the journal's server cannot be read: "),
-        (nowhere_to_wait, "disk.csv/000000000.event: an event for the journal's server cannot be kept: "),
+        (damaged_in_waiting, "unsaved/000000000.event: an event that waits for the journal cannot be read: "),
+        (nowhere_to_wait, "disk.csv/000000000.event: an event that waits for the journal cannot be kept: "),
         (
             lambda: curves_of(("disk",), {"0.frequency": np.ones(3)}),
             "message: curve 0 (disk) has no column 'measured'",

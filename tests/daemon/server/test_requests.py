@@ -87,6 +87,9 @@ def test_what_is_wrong_with_a_request_is_said(start_daemon, dealer) -> None:
         (b'{"id":"1","request":"dance"}', "'dance' is not known; known are hello, status"),
         (b'{"id":"1","request":"hello","v":9}', "it has wire version 9; this daemon reads version 1"),
         (b'{"id":"1","request":"replay","since":1,"max":1000000}', "Expected `int` <= 50 - at `$.max`"),
+        (b'{"id":"1","request":"replay","since":9223372036854775808}', "<= 9223372036854775807 - at `$.since`"),
+        (b'{"id":"1","request":"replay","since":1,"until":-9223372036854775809}', "Expected `int` >= 0 - at `$.until`"),
+        (b'{"id":"1","request":"replay","since":1,"until":1000000000000000000000000000000}', "- at `$.until`"),
         (b'{"id":"1","request":"submit","measurement":"m"}', "missing required field `fitter`"),
         (b'{"id":"1","request":"measure","step":"disk","build":{"name":1}}', "Expected `str`, got `int`"),
     ):

@@ -1,0 +1,125 @@
+"""A journal that takes some rows, or none: nothing happens by halves, and stopping needs no journal."""
+
+import json
+import sqlite3
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, closing, contextmanager
+from pathlib import Path
+
+import pytest
+from keyed import asked
+
+from pzctl.daemon.client.client import connect
+from pzctl.daemon.client.location import Location, find
+from pzctl.daemon.files.paths import journal_folder, log_file
+from pzctl.daemon.journal.journal_writer import JournalWriter
+from pzctl.daemon.journal.store import JournalError
+from pzctl.daemon.wire.events import StateEvent
+from pzctl.daemon.wire.frames import to_json
+from pzctl.models.build import Build
+from pzctl.models.sweep_plan import Segment, SweepPlan
+
+LONG = SweepPlan(tuple(Segment(1e6, 6e6, 801) for _ in range(200)))
+
+Refusing = Callable[[str], AbstractContextManager[None]]
+
+
+@pytest.fixture
+def refusing(tmp_path: Path) -> Refusing:
+    """Return a context in which the database takes no event with this text in its header, as if the disk were full."""
+
+    @contextmanager
+    def refuse(text: str) -> Generator[None]:
+        with closing(sqlite3.connect(journal_folder(tmp_path) / "journal.sqlite", isolation_level=None)) as db:
+            condition = f"instr(CAST(NEW.header AS TEXT), '{text}')"
+            full = "SELECT RAISE(ABORT, 'the disk is full')"
+            db.execute(f"CREATE TRIGGER full BEFORE INSERT ON events WHEN {condition} BEGIN {full}; END")
+            yield
+            db.execute("DROP TRIGGER full")
+
+    return refuse
+
+
+def states(lab: object, measurement: str) -> list[str]:
+    events = [one.event for one in lab.replay(1)]  # type: ignore[attr-defined]
+    return [event.state for event in events if isinstance(event, StateEvent) and event.measurement == measurement]
+
+
+def test_a_measurement_is_recorded_and_queued_or_neither(
+    start_daemon: Callable[..., Location], build: Build, refusing: Refusing
+) -> None:
+    """Its row and the event `queued` are one transaction; the refused request may be repeated."""
+    where = start_daemon()
+    request = {"request": "measure", "id": "once", "build": json.loads(to_json(build)), "step": "disk"}
+    with connect() as lab:
+        with refusing('"queued"'):
+            refusal = asked(where, where.key, request)
+            assert refusal["error"]["code"] == "journal"
+            assert "the disk is full" in refusal["error"]["message"]
+            assert lab.samples() == ()
+        measurement = asked(where, where.key, request)["measurement"]
+        assert asked(where, where.key, request)["measurement"] == measurement
+        lab.measure(build, "ml1")
+        assert states(lab, measurement) == ["queued", "measuring", "measured"]
+
+
+def test_a_lease_is_neither_taken_nor_returned_if_the_journal_does_not_say_so(
+    start_daemon: Callable[..., Location], refusing: Refusing
+) -> None:
+    where = start_daemon()
+    take = {"request": "lease", "id": "1", "owner": "ana", "seconds": 60.0}
+    with connect() as lab:
+        with refusing('"leased"'):
+            assert asked(where, where.key, take)["error"]["code"] == "journal"
+            assert lab.status().lease is None
+        lease = asked(where, where.key, take)["lease"]
+        give_back = {"request": "release", "id": "2", "lease": lease}
+        with refusing('"released"'):
+            assert asked(where, where.key, give_back)["error"]["code"] == "journal"
+        assert lab.status().lease.owner == "ana"
+        assert asked(where, where.key, give_back)["ok"]
+        assert lab.status().lease is None
+
+
+def test_a_layer_is_glued_once_though_the_journal_does_not_keep_it(
+    start_daemon: Callable[..., Location], refusing: Refusing
+) -> None:
+    where = start_daemon()
+    glue = {"request": "bench", "id": "1", "command": {"command": "next"}}
+    with refusing('"bench"'):
+        answers = [asked(where, where.key, glue)["answer"]["step"] for _ in range(2)]
+    assert answers == ["ml1", "ml1"]
+
+
+def test_cancel_and_shutdown_need_no_journal(
+    start_daemon: Callable[..., Location], build: Build, refusing: Refusing, wait_until, tmp_path: Path
+) -> None:
+    """A person who stops a measurement, because of its bias for example, is not refused."""
+    start_daemon(time_scale=1.0)
+    with connect() as lab:
+        runs, waits = lab.begin(build, "disk", LONG), lab.begin(build, "disk", LONG)
+        wait_until(lambda: lab.status().measuring == runs)
+        with refusing('"state"'):
+            lab.cancel(waits)
+            assert lab.status().queue == ()
+            lab.shutdown()
+            wait_until(lambda: find(tmp_path) is None)
+    log = log_file(tmp_path, "daemon").read_text(encoding="utf-8")
+    assert "not in the journal: cancelling  by 'local'" in log
+    assert "not in the journal: shutdown  by 'local'" in log
+
+
+def test_after_a_failed_commit_the_journal_goes_on(tmp_path: Path) -> None:
+    def write(journal: JournalWriter) -> None:
+        with journal.together():
+            journal.append(StateEvent(state="started"))
+            journal.store.run("PRAGMA defer_foreign_keys = ON")
+            journal.store.run(
+                "INSERT INTO measurements VALUES (9, 'm', 'r', 'nobody', 's', 't', 'b', 'queued', '', '')"
+            )
+
+    with closing(JournalWriter(tmp_path / "journal")) as journal:
+        with pytest.raises(JournalError, match="FOREIGN KEY constraint failed"):
+            write(journal)
+        assert journal.append(StateEvent(state="started"))[0].seq == 1
+        assert journal.verify() == []
