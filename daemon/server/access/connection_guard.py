@@ -65,6 +65,7 @@ class _Line:
     at: float
     heard_came: int
     heard_memory: int
+    heard_at: float
     looks: int = 0
     """Number of checks in a row at which it had sent too much."""
     is_cut: bool = False
@@ -128,17 +129,18 @@ class ConnectionGuard:
         except (OSError, IndexError):  # not connected, or closed since it was listed
             return None
         came = _came(handle)
-        return _Line(handle, link, port, str(peer), now, came, now, came, memory) if port in self._most else None
+        return _Line(handle, link, port, str(peer), now, came, now, came, memory, now) if port in self._most else None
 
     def _is_too_much(self, line: _Line, now: float, memory: int) -> bool:
         came = _came(line.handle)
         if line.handle in self._heard:
-            line.heard_came, line.heard_memory = came, memory
+            line.heard_came, line.heard_memory, line.heard_at = came, memory, now
             line.came, line.at, line.looks = came, now, 0
         over = came - line.came - LIFE_SIGNS * (now - line.at)
         if over <= 0:  # an unused allowance is not carried over
             line.came, line.at = came, now
-        swollen = memory - line.heard_memory > MOST_GROWTH and came - line.heard_came > LITTLE
+        said = came - line.heard_came - LIFE_SIGNS * (now - line.heard_at)
+        swollen = memory - line.heard_memory > MOST_GROWTH and said > LITTLE
         if over > self._most[line.port] or swollen:
             return True
         line.looks = 0
