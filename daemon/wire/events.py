@@ -13,7 +13,18 @@ import msgspec
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ...models.sweep import Sweep
-from .frames import MOST_FRAMES, Array, ColumnHeader, WireError, from_json, pack, to_json, unpack
+from .frames import (
+    LARGEST_FRAME,
+    LARGEST_WRITTEN,
+    MOST_FRAMES,
+    Array,
+    ColumnHeader,
+    WireError,
+    from_json,
+    pack,
+    to_json,
+    unpack,
+)
 from .result_messages import FitReport
 
 WIRE = 1
@@ -228,15 +239,21 @@ def sweep_columns(sweep: Sweep) -> tuple[tuple[ColumnHeader, ...], Payload]:
 
 
 def encode(event: Event, payload: Sequence[bytes] = ()) -> list[bytes]:
-    """Return the frames of an event: topic, header, raw columns."""
-    return [event.topic, to_json(event), *payload]
+    """Return the frames of an event: topic, header, raw columns. Raises WireError if no reader would accept them."""
+    frames = [event.topic, to_json(event), *payload]
+    if len(frames) > MOST_FRAMES:
+        raise WireError(f"event: {len(frames)} frames; at most {MOST_FRAMES} are allowed")
+    if (longest := max(map(len, frames[1:]))) > LARGEST_WRITTEN:
+        what = "header" if longest == len(frames[1]) else "column"
+        raise WireError(f"event: a {what} of {longest} bytes; at most {LARGEST_WRITTEN} are allowed")
+    return frames
 
 
 def envelope(frames: Sequence[bytes]) -> Envelope:
     """Return the envelope of an event. Raises WireError if it is not an event, or has another wire version."""
     if not 2 <= len(frames) <= MOST_FRAMES:
         raise WireError(f"message: {len(frames)} frame(s); an event has 2 to {MOST_FRAMES}")
-    header = from_json(frames[1], _envelope)
+    header = from_json(frames[1], _envelope, LARGEST_FRAME)
     if header.v != WIRE:
         raise WireError(
             f"message: it has wire version {header.v}; this program reads version {WIRE}; upgrade the older side"
@@ -249,7 +266,7 @@ def decode(frames: Sequence[bytes]) -> ReceivedEvent:
     header = envelope(frames)
     if header.kind not in Envelope.KINDS:
         raise WireError(f"message: kind {header.kind!r}; known are {', '.join(sorted(Envelope.KINDS))}")
-    event = from_json(frames[1], _event)
+    event = from_json(frames[1], _event, LARGEST_FRAME)
     if not (event.run and event.time) or event.seq < 0:
         raise WireError("message: the header lacks run or time, or its seq is negative")
     return ReceivedEvent(event, unpack(event.columns, frames[2:]))

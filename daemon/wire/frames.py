@@ -18,7 +18,10 @@ LARGEST_HEADER = 1 << 20
 
 LARGEST_FRAME = 8 << 20
 """Greatest size of a frame in bytes; libzmq closes the connection of a sender of a longer one before reading it. The
-header of an answer may be as long, since it comes from the daemon."""
+headers of events and answers may be as long, since they come from the daemon."""
+
+LARGEST_WRITTEN = LARGEST_FRAME - 256
+"""Greatest size of a frame of an event that is written: CURVE adds to it on its way, the journal `run`, `seq` ..."""
 
 Array: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]
 """One column: real or complex doubles."""

@@ -16,7 +16,8 @@ from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.analyzer_options import AnalyzerOptions
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build
 from pzctl.daemon.journal import journal_reader
-from pzctl.daemon.wire.events import decode
+from pzctl.daemon.wire.events import SweepEvent, decode
+from pzctl.daemon.wire.frames import to_json
 from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
 from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments
 from pzctl.fitters.diagnosis.design.experiment_design import bearable
@@ -117,6 +118,18 @@ def test_a_measurement_can_be_cancelled_in_every_state(
         assert [one.state for one in lab.samples()[0].measurements] == ["cancelled", "cancelled"]
         with pytest.raises(DaemonError, match="neither runs nor waits"):
             lab.cancel(runs)
+
+
+def test_a_long_sweep_that_is_accepted_can_be_read(start_daemon: Callable[..., object], build: Build) -> None:
+    """Its header has two numbers for each point, more than 1 MiB in all."""
+    start_daemon()
+    with connect() as lab:
+        measured = lab.measure(build, "disk", SweepPlan((Segment(1e6, 6e6, 90_000),)))
+        (heard,) = lab.sweeps(measured.id)
+        assert isinstance(heard.event, SweepEvent)
+        assert len(to_json(heard.event)) > 1 << 20
+        again = [one.sweep() for one in lab.replay(1) if isinstance(one.event, SweepEvent)]
+    assert [one.frequency.size for one in (*measured.sweeps, heard.sweep(), *again)] == [90_000] * 3
 
 
 def test_no_experiment_is_proposed_that_the_sample_does_not_stand() -> None:
