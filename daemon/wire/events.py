@@ -3,6 +3,7 @@
 An event is a multipart message: topic, JSON header, then one raw frame for each of `columns`.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
@@ -221,6 +222,9 @@ class ReceivedEvent:
             raise WireError(f"message: {error}") from None
 
 
+_SEQ = re.compile(rb'\{"kind":"[a-z]{1,20}","v":1,"run":"[-0-9a-f]{1,40}","seq":(\d{1,18}),')
+"""The beginning of every header, as `encode` writes it."""
+
 _envelope = msgspec.json.Decoder(Envelope)
 _event = msgspec.json.Decoder(AnyEvent)
 
@@ -259,6 +263,12 @@ def envelope(frames: Sequence[bytes]) -> Envelope:
             f"message: it has wire version {header.v}; this program reads version {WIRE}; upgrade the older side"
         )
     return header
+
+
+def seq_of(frames: Sequence[bytes]) -> int | None:
+    """Return the `seq` of an event whose header cannot be read as a whole, or None if it is no event."""
+    found = _SEQ.match(frames[1]) if len(frames) > 1 else None
+    return int(found[1]) if found else None
 
 
 def decode(frames: Sequence[bytes]) -> ReceivedEvent:
