@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ...models.base.errors import PzctlError
 
-MOST_FRAMES = 256
-"""Greatest number of frames of one message."""
+MOST_FRAMES = 8192
+"""Greatest number of frames of one message; a fit of three steps of 500 sweeps has 7,500 columns."""
 
 LARGEST_HEADER = 1 << 20
 """Greatest size in bytes of a JSON header from an untrusted sender."""
