@@ -3,12 +3,21 @@
 import time
 from collections import deque
 
-from ..wire.events import WELCOME, Envelope, ReceivedEvent, decode, envelope
+from ..wire.events import WELCOME, BeatEvent, ReceivedEvent, envelope
 from ..wire.frames import WireError
 from ..wire.replies import HelloAnswer, MissingEvents
 from ..wire.requests import HelloRequest
 from ..wire.uuid7 import uuid7
-from .protocol import Conversation, DaemonError, Hear, Subscribe, ask_frames, replay_page
+from .protocol import (
+    Conversation,
+    DaemonError,
+    Hear,
+    Subscribe,
+    ask_frames,
+    first_of,
+    read_or_report,
+    replay_page,
+)
 
 SILENCE = 20.0
 """Seconds without a beat after which the daemon is assumed to have ended. It sends a beat every second, but not while
@@ -63,15 +72,17 @@ class EventFollower:
         """Add a received message to the events in order; first fill the gap before it."""
         if frames == [WELCOME]:  # again after a broken connection
             return
-        header = envelope(frames)
-        before = header.seq if header.kind == "beat" else header.seq - 1
+        received = read_or_report(frames)
+        is_beat = isinstance(received, ReceivedEvent) and isinstance(received.event, BeatEvent)
+        seq = envelope(frames).seq if received is None else first_of(received)
+        before = seq if is_beat else seq - 1
         if before > self._seq:
             yield from self._fill(before)
-        if header.kind == "beat" or header.seq <= self._seq:
+        if is_beat or seq <= self._seq:
             return
-        self._seq = header.seq
-        if header.kind in Envelope.KINDS:  # a newer daemon may send kinds unknown here
-            self._waiting.append(decode(frames))
+        self._seq = seq
+        if received is not None:  # a newer daemon may send kinds unknown here
+            self._waiting.append(received)
 
     def _fill(self, until: int) -> Conversation[None]:
         """Request the missed events, up to and including `until`."""

@@ -4,15 +4,15 @@ A conversation is a generator. It yields the next step to carry out on a socket,
 returns its result. The client that runs it owns the sockets and does the waiting; nothing here opens, sends or sleeps.
 """
 
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
 import msgspec
 
 from ...models.base.errors import PzctlError
-from ..wire.events import Envelope, ReceivedEvent, decode, envelope
-from ..wire.frames import LARGEST_FRAME, from_json, to_json
+from ..wire.events import Envelope, ReceivedEvent, decode, envelope, seq_of
+from ..wire.frames import LARGEST_FRAME, WireError, from_json, to_json
 from ..wire.replies import Answer, EventsAnswer, MissingEvents, Refusal
 from ..wire.requests import ReplayRequest, Request
 from ..wire.uuid7 import uuid7
@@ -138,14 +138,39 @@ def read_answer(header: bytes, expected: type[A]) -> A:
     return from_json(header, msgspec.json.Decoder(expected), LARGEST_FRAME)
 
 
+class UnreadableEvent(MissingEvents, frozen=True):
+    """An event that this client cannot read, at its place among the others."""
+
+    @property
+    def sentence(self) -> str:
+        """A sentence for people."""
+        return f"event {self.first} cannot be read: {self.says}"
+
+
+def read_or_report(frames: Sequence[bytes]) -> ReceivedEvent | UnreadableEvent | None:
+    """Return an event, or the reason why it cannot be read; None for a kind of a newer daemon.
+
+    Raises WireError if it is no event at all or has another wire version.
+    """
+    try:
+        return decode(frames) if envelope(frames).kind in Envelope.KINDS else None
+    except WireError as error:
+        seq = seq_of(frames)
+        if seq is None:
+            raise
+        return UnreadableEvent(seq, seq, str(error))
+
+
 def read_events(answer: EventsAnswer, frames: Sequence[bytes]) -> list[ReceivedEvent]:
     """Return the events whose frames follow an answer; leave out kinds of a newer daemon. Raises WireError."""
-    events: list[ReceivedEvent] = []
+    return [decode(event) for event in _split(answer, frames) if envelope(event).kind in Envelope.KINDS]
+
+
+def _split(answer: EventsAnswer, frames: Sequence[bytes]) -> Iterator[Sequence[bytes]]:
+    """Yield the frames of each event after an answer."""
     for count in answer.frames:
         event, frames = frames[:count], frames[count:]
-        if envelope(event).kind in Envelope.KINDS:
-            events.append(decode(event))
-    return events
+        yield event
 
 
 @dataclass(frozen=True)
@@ -162,12 +187,13 @@ def replay_page(endpoint: str, since: int, until: int | None) -> Conversation[Re
     """Return the events from `since` up to `until` (None: the newest), as many as fit into one answer."""
     request = ReplayRequest(id=uuid7(), since=since, until=until)
     answer, frames = yield from ask_frames(endpoint, request, EventsAnswer)
-    events = read_events(answer, frames)
-    items = sorted([*events, *answer.missing], key=_first)
-    return ReplayPage(items, events[-1].event.seq + 1 if answer.more and events else None)
+    events = [event for one in _split(answer, frames) if (event := read_or_report(one)) is not None]
+    items = sorted([*events, *answer.missing], key=first_of)
+    return ReplayPage(items, first_of(events[-1]) + 1 if answer.more and events else None)
 
 
-def _first(item: ReceivedEvent | MissingEvents) -> int:
+def first_of(item: ReceivedEvent | MissingEvents) -> int:
+    """Return the `seq` of an event, or the first one of those that are missing."""
     return item.first if isinstance(item, MissingEvents) else item.event.seq
 
 

@@ -124,9 +124,9 @@ class Questions:
     def submit(
         self, measurement: str, sweeps: Sequence[str], fitter: str, version: str, answer: FitResult | str
     ) -> Conversation[None]:
-        """Submit a fitter's answer: a result, or the sentence that says why there is none."""
+        """Submit a fitter's answer: a result, or the sentence that says why there is none (its first 4000 letters)."""
         if isinstance(answer, str):
-            fields, curves = {"error": answer}, ()
+            fields, curves = {"error": answer[: ask.LONGEST_ERROR]}, ()
         else:
             fields, curves = {"report": report_of(answer)}, answer.curves
         return self._submit(measurement, sweeps, fitter, version, curves, **fields)

@@ -9,7 +9,7 @@ from ...models.sweep import Sweep
 from ..wire.events import DiagnosisEvent, FitEvent, ProgressEvent, ReceivedEvent, StateEvent, SweepEvent
 from ..wire.replies import FitterState, MissingEvents
 from ..wire.result_messages import curves_of, result_of
-from .protocol import DaemonError
+from .protocol import DaemonError, UnreadableEvent
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,19 +28,27 @@ class MeasurementWaiter:
         self._id = measurement
         self._progress = progress
         self._sweeps: list[Sweep] = []
+        self._segments = 0
+        self._unreadable = ""
         self.measurement: Measurement | None = None
         """The measurement, once it is complete."""
 
     def take(self, received: ReceivedEvent | MissingEvents | None) -> None:
         """Take an event. Raises DaemonError if the measurement ended without sweeps or its events are missing."""
+        if isinstance(received, UnreadableEvent):  # probably of somebody else
+            self._unreadable = received.sentence
+            return
         if isinstance(received, MissingEvents):
             raise DaemonError(f"measurement {self._id!r}: its outcome is unknown; {received.sentence}", "missing")
         match received.event if received is not None else None:
             case ProgressEvent(measurement=m) as event if m == self._id:
                 self._progress(event)
-            case SweepEvent(measurement=m) if m == self._id and received is not None:
+            case SweepEvent(measurement=m, segments=segments) if m == self._id and received is not None:
                 self._sweeps.append(received.sweep())
+                self._segments = segments
             case StateEvent(measurement=m, state="measured" | "measured-aside") if m == self._id:
+                if self._unreadable and len(self._sweeps) < max(1, self._segments):
+                    raise DaemonError(f"measurement {self._id!r}: a sweep is lost; {self._unreadable}", "missing")
                 self.measurement = Measurement(self._id, tuple(self._sweeps))
             case StateEvent(measurement=m, state="failed" | "cancelled" | "abandoned" as state, says=says) if (
                 m == self._id

@@ -16,6 +16,7 @@ from ..wire.events import WELCOME
 from ..wire.frames import LARGEST_FRAME
 from ..wire.socket_options import HIGH_WATER, limit
 from .access.access_control import DOMAIN, AccessControl
+from .access.connection_guard import keep_resets_out
 
 LARGEST_SUBSCRIPTION = 512
 """Greatest size of a subscription in bytes; large enough for CURVE's handshake, which this limits too."""
@@ -132,4 +133,6 @@ def _bind(
     except zmq.ZMQError as error:
         any_socket.close()
         raise EndpointError(f"endpoint {endpoint!r} cannot be bound: {error.strerror}") from None
-    return str(any_socket.getsockopt_string(zmq.LAST_ENDPOINT)).rstrip("\0")
+    bound = str(any_socket.getsockopt_string(zmq.LAST_ENDPOINT)).rstrip("\0")
+    keep_resets_out(port_of(bound))
+    return bound

@@ -3,6 +3,7 @@
 An event is a multipart message: topic, JSON header, then one raw frame for each of `columns`.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeAlias
@@ -13,7 +14,18 @@ import msgspec
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ...models.sweep import Sweep
-from .frames import MOST_FRAMES, Array, ColumnHeader, WireError, from_json, pack, to_json, unpack
+from .frames import (
+    LARGEST_FRAME,
+    LARGEST_WRITTEN,
+    MOST_FRAMES,
+    Array,
+    ColumnHeader,
+    WireError,
+    from_json,
+    pack,
+    to_json,
+    unpack,
+)
 from .result_messages import FitReport
 
 WIRE = 1
@@ -210,6 +222,9 @@ class ReceivedEvent:
             raise WireError(f"message: {error}") from None
 
 
+_SEQ = re.compile(rb'\{"kind":"[a-z]{1,20}","v":1,"run":"[-0-9a-f]{1,40}","seq":(\d{1,18}),')
+"""The beginning of every header, as `encode` writes it."""
+
 _envelope = msgspec.json.Decoder(Envelope)
 _event = msgspec.json.Decoder(AnyEvent)
 
@@ -228,15 +243,21 @@ def sweep_columns(sweep: Sweep) -> tuple[tuple[ColumnHeader, ...], Payload]:
 
 
 def encode(event: Event, payload: Sequence[bytes] = ()) -> list[bytes]:
-    """Return the frames of an event: topic, header, raw columns."""
-    return [event.topic, to_json(event), *payload]
+    """Return the frames of an event: topic, header, raw columns. Raises WireError if no reader would accept them."""
+    frames = [event.topic, to_json(event), *payload]
+    if len(frames) > MOST_FRAMES:
+        raise WireError(f"event: {len(frames)} frames; at most {MOST_FRAMES} are allowed")
+    if (longest := max(map(len, frames[1:]))) > LARGEST_WRITTEN:
+        what = "header" if longest == len(frames[1]) else "column"
+        raise WireError(f"event: a {what} of {longest} bytes; at most {LARGEST_WRITTEN} are allowed")
+    return frames
 
 
 def envelope(frames: Sequence[bytes]) -> Envelope:
     """Return the envelope of an event. Raises WireError if it is not an event, or has another wire version."""
     if not 2 <= len(frames) <= MOST_FRAMES:
         raise WireError(f"message: {len(frames)} frame(s); an event has 2 to {MOST_FRAMES}")
-    header = from_json(frames[1], _envelope)
+    header = from_json(frames[1], _envelope, LARGEST_FRAME)
     if header.v != WIRE:
         raise WireError(
             f"message: it has wire version {header.v}; this program reads version {WIRE}; upgrade the older side"
@@ -244,12 +265,18 @@ def envelope(frames: Sequence[bytes]) -> Envelope:
     return header
 
 
+def seq_of(frames: Sequence[bytes]) -> int | None:
+    """Return the `seq` of an event whose header cannot be read as a whole, or None if it is no event."""
+    found = _SEQ.match(frames[1]) if len(frames) > 1 else None
+    return int(found[1]) if found else None
+
+
 def decode(frames: Sequence[bytes]) -> ReceivedEvent:
     """Return the event. Raises WireError if the frames are not a valid event, whatever they contain."""
     header = envelope(frames)
     if header.kind not in Envelope.KINDS:
         raise WireError(f"message: kind {header.kind!r}; known are {', '.join(sorted(Envelope.KINDS))}")
-    event = from_json(frames[1], _event)
+    event = from_json(frames[1], _event, LARGEST_FRAME)
     if not (event.run and event.time) or event.seq < 0:
         raise WireError("message: the header lacks run or time, or its seq is negative")
     return ReceivedEvent(event, unpack(event.columns, frames[2:]))

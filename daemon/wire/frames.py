@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 
 from ...models.base.errors import PzctlError
 
-MOST_FRAMES = 256
-"""Greatest number of frames of one message."""
+MOST_FRAMES = 8192
+"""Greatest number of frames of one message; a fit of three steps of 500 sweeps has 7,500 columns."""
 
 LARGEST_HEADER = 1 << 20
 """Greatest size in bytes of a JSON header from an untrusted sender."""
 
 LARGEST_FRAME = 8 << 20
 """Greatest size of a frame in bytes; libzmq closes the connection of a sender of a longer one before reading it. The
-header of an answer may be as long, since it comes from the daemon."""
+headers of events and answers may be as long, since they come from the daemon."""
+
+LARGEST_WRITTEN = LARGEST_FRAME - 256
+"""Greatest size of a frame of an event that is written: CURVE adds to it on its way, the journal `run`, `seq` ..."""
 
 Array: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]
 """One column: real or complex doubles."""

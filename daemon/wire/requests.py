@@ -22,6 +22,9 @@ LAST_SEQ = 2**63 - 1
 LONGEST_REASON = 1000
 """Greatest number of characters of the reason for withdrawing a measurement."""
 
+LONGEST_ERROR = 4000
+"""Greatest number of characters of a fitter's reason for giving no result."""
+
 Id: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=200)]
 
 
@@ -173,7 +176,7 @@ class SubmitRequest(Request, frozen=True, kw_only=True, tag="submit"):
     version: str
     sweeps: tuple[str, ...]
     report: FitReport | None = None
-    error: str | None = None
+    error: Annotated[str, msgspec.Meta(max_length=LONGEST_ERROR)] | None = None
     diagnosis: dict[str, Any] | None = None
     curves: tuple[str, ...] = ()
     columns: tuple[ColumnHeader, ...] = ()

@@ -16,10 +16,14 @@ from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.analyzer_options import AnalyzerOptions
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build
 from pzctl.daemon.journal import journal_reader
-from pzctl.daemon.wire.events import decode
+from pzctl.daemon.server.analyzers.plan_limits import MOST_POINTS, MOST_SEGMENTS
+from pzctl.daemon.wire.events import SweepEvent, decode
+from pzctl.daemon.wire.frames import MOST_FRAMES, to_json
+from pzctl.daemon.wire.result_messages import LARGEST_CURVES, curve_columns
 from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
 from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments
 from pzctl.fitters.diagnosis.design.experiment_design import bearable
+from pzctl.fitters.interface import Curve
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 from pzctl.models.sweep_plan import LevelLimits, Segment, SweepPlan
@@ -120,6 +124,40 @@ def test_a_measurement_can_be_cancelled_in_every_state(
         assert [one.state for one in lab.samples()[0].measurements] == ["cancelled", "cancelled"]
         with pytest.raises(DaemonError, match="neither runs nor waits"):
             lab.cancel(runs)
+
+
+def test_a_long_sweep_that_is_accepted_can_be_read(start_daemon: Callable[..., object], build: Build) -> None:
+    """Its header has two numbers for each point, more than 1 MiB in all."""
+    start_daemon()
+    with connect() as lab:
+        measured = lab.measure(build, "disk", SweepPlan((Segment(1e6, 6e6, 90_000),)))
+        (heard,) = lab.sweeps(measured.id)
+        assert isinstance(heard.event, SweepEvent)
+        assert len(to_json(heard.event)) > 1 << 20
+        again = [one.sweep() for one in lab.replay(1) if isinstance(one.event, SweepEvent)]
+    assert [one.frequency.size for one in (*measured.sweeps, heard.sweep(), *again)] == [90_000] * 3
+
+
+def test_a_fit_of_many_sweeps_is_submitted(start_daemon: Callable[..., object], build: Build) -> None:
+    """Each has four columns; as many as a plan may have take half a minute."""
+    start_daemon("Echo")
+    segments = tuple(Segment(1e6 + 1e4 * k, 1.1e6 + 1e4 * k, 3) for k in range(120))
+    with connect() as lab:
+        measured = lab.measure(build, "disk", SweepPlan(segments))
+        result = lab.wait_fit("guest_examples:Echo", measured.id)
+    assert len(measured.sweeps) == len(result.curves) == len(segments)
+    assert 3 * 5 * MOST_SEGMENTS < MOST_FRAMES, "three steps, with `explained`"
+    assert np.array_equal(result.curves[-1].fitted, 3 * measured.sweeps[-1].impedance)
+
+
+def test_curves_beyond_one_message_keep_fewer_points() -> None:
+    sweep = Sweep(np.linspace(1e6, 2e6, MOST_POINTS), np.ones(MOST_POINTS) + 1j)
+    curve = Curve("disk", sweep.frequency, sweep.impedance, sweep.impedance, sweep.impedance)
+    assert curve_columns([curve])[0][0].shape == (MOST_POINTS,)
+    for curves in ([curve] * 2, [replace(curve, explained=sweep.impedance)] * 3):
+        columns, raw = curve_columns(curves)
+        assert sum(map(len, raw)) <= LARGEST_CURVES + 1000
+        assert len({column.shape for column in columns}) == 1, "all columns of a curve keep the same points"
 
 
 def test_no_experiment_is_proposed_that_the_sample_does_not_stand() -> None:

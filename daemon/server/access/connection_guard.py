@@ -2,12 +2,11 @@
 
 libzmq keeps the frames of a message until the last one has arrived, and every subscription, and limits neither. The
 guard reads from the kernel (TCP_INFO) how many bytes a connection has received, and is told when a complete request was
-read from it. It cuts a connection by a reset, upon which libzmq closes it and frees its memory; the client may connect
-again. Only Linux provides these numbers; on other systems no connection is cut.
+read from it. It cuts a connection by ending what libzmq receives, upon which libzmq closes it and frees its memory; the
+client may connect again. Only Linux provides these numbers; on other systems no connection is cut.
 """
 
 import asyncio
-import ctypes
 import logging
 import os
 import socket
@@ -16,7 +15,10 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+
+from . import packet_filter
 
 log = logging.getLogger(__name__)
 
@@ -41,8 +43,12 @@ MOST_CONNECTIONS = 500
 LOOK = 0.02
 """Seconds between two checks."""
 
-_BYTES_RECEIVED = 128
-"""Offset of `tcpi_bytes_received` in the kernel's `struct tcp_info`."""
+GONE = 5000
+"""Milliseconds without an acknowledgement of what was sent after which a client is gone, whose reset was not told to
+libzmq (`packet_filter`); no heartbeat ends a connection on which data waits to be sent."""
+
+_UNACKED, _LAST_ACK, _BYTES_RECEIVED = 24, 56, 128
+"""Offsets in the kernel's `struct tcp_info`: unacknowledged segments, milliseconds since an acknowledgement, bytes."""
 
 
 @dataclass
@@ -59,8 +65,11 @@ class _Line:
     at: float
     heard_came: int
     heard_memory: int
+    heard_at: float
     looks: int = 0
     """Number of checks in a row at which it had sent too much."""
+    is_cut: bool = False
+    """Whether it was ended, which libzmq notices once it reads from it again."""
 
 
 class ConnectionGuard:
@@ -96,6 +105,8 @@ class ConnectionGuard:
                 line.looks += 1
                 if line.looks > 1:
                     self._cut(line, "it sends without end")
+            if line is not None and not line.is_cut and _is_gone(handle):
+                self._forget(line)
         self._heard.clear()
         ours = [line for line in self._lines.values() if line is not None]
         for line in sorted(ours, key=lambda line: line.since)[MOST_CONNECTIONS:]:
@@ -118,33 +129,54 @@ class ConnectionGuard:
         except (OSError, IndexError):  # not connected, or closed since it was listed
             return None
         came = _came(handle)
-        return _Line(handle, link, port, str(peer), now, came, now, came, memory) if port in self._most else None
+        return _Line(handle, link, port, str(peer), now, came, now, came, memory, now) if port in self._most else None
 
     def _is_too_much(self, line: _Line, now: float, memory: int) -> bool:
         came = _came(line.handle)
         if line.handle in self._heard:
-            line.heard_came, line.heard_memory = came, memory
+            line.heard_came, line.heard_memory, line.heard_at = came, memory, now
             line.came, line.at, line.looks = came, now, 0
         over = came - line.came - LIFE_SIGNS * (now - line.at)
         if over <= 0:  # an unused allowance is not carried over
             line.came, line.at = came, now
-        swollen = memory - line.heard_memory > MOST_GROWTH and came - line.heard_came > LITTLE
+        said = came - line.heard_came - LIFE_SIGNS * (now - line.heard_at)
+        swollen = memory - line.heard_memory > MOST_GROWTH and said > LITTLE
         if over > self._most[line.port] or swollen:
             return True
         line.looks = 0
         return False
 
-    def _cut(self, line: _Line, why: str) -> None:
-        """Reset a connection, unless its descriptor belongs to another one by now.
+    def _forget(self, line: _Line) -> None:
+        """End the connection of a client that is gone; of what it sent, libzmq gets no more than it has."""
+        with suppress(OSError), _borrowed(line.handle) as borrowed:
+            packet_filter.end(borrowed)
+            while borrowed.recv(LITTLE, socket.MSG_DONTWAIT):
+                pass
+        line.is_cut = True
 
-        After a shutdown it would still receive data; connecting a TCP socket to no address makes Linux reset it.
-        """
-        if _link(line.handle) != line.link:
+    def _cut(self, line: _Line, why: str) -> None:
+        """End a connection, unless its descriptor belongs to another one by now."""
+        if line.is_cut or _link(line.handle) != line.link:
             return
-        if ctypes.CDLL(None).connect(line.handle, bytes(16), 16):  # AF_UNSPEC is 0
-            return  # closed already
+        try:
+            with _borrowed(line.handle) as borrowed:
+                packet_filter.end(borrowed)
+        except OSError:  # closed already
+            return
+        line.is_cut = True
         self._counts["cut-off"] += 1
         log.warning("the connection from %s was cut off: %s", line.peer, why)
+
+
+def keep_resets_out(port: int) -> None:
+    """Let no reset of a client reach libzmq on a port that it listens on; on other systems than Linux do nothing."""
+    for handle, _ in _sockets():
+        try:
+            with _borrowed(handle) as borrowed:
+                if packet_filter.listens(borrowed) and borrowed.getsockname()[1] == port:
+                    packet_filter.attach(borrowed, packet_filter.NO_RESETS)
+        except (OSError, IndexError) as error:  # another socket, or a kernel without filters
+            log.debug("socket %d has no packet filter: %s", handle, error)
 
 
 class _borrowed:  # noqa: N801
@@ -179,10 +211,20 @@ def _link(handle: int) -> str:
 
 def _came(handle: int) -> int:
     """Return the bytes that a connection has received, or 0 if it is closed."""
+    return _told(handle, "Q", _BYTES_RECEIVED)
+
+
+def _is_gone(handle: int) -> bool:
+    """Return whether the other side of a connection no longer acknowledges what it is sent."""
+    return _told(handle, "I", _UNACKED) > 0 and _told(handle, "I", _LAST_ACK) > GONE
+
+
+def _told(handle: int, form: str, offset: int) -> int:
+    """Return a number of the kernel's `struct tcp_info`, or 0 if the connection is closed."""
     try:
         with _borrowed(handle) as borrowed:
             info = borrowed.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
-            return struct.unpack_from("Q", info, _BYTES_RECEIVED)[0]
+            return struct.unpack_from(form, info, offset)[0]
     except (OSError, struct.error):
         return 0
 

@@ -6,8 +6,7 @@ from pathlib import Path
 import msgspec
 
 from ...journal.store import JournalError
-from ...wire.events import AnyEvent, Event, Payload
-from ...wire.frames import to_json
+from ...wire.events import AnyEvent, Event, Payload, encode
 
 _FORM = ".event"
 
@@ -23,14 +22,15 @@ class Spool:
         return len(self._waiting)
 
     def put(self, event: Event, payload: Payload) -> None:
-        """Append an event to the queue, synced to disk."""
+        """Append an event to the queue, synced to disk. Raises WireError if the journal would refuse it."""
+        header = encode(event, payload)[1]
         number = int(self._waiting[-1].stem) + 1 if self._waiting else 0
         path = self._folder / f"{number:09d}{_FORM}"
         part = path.with_suffix(".part")
         try:
             self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             with part.open("wb") as file:
-                file.write(msgspec.msgpack.encode((to_json(event), payload)))
+                file.write(msgspec.msgpack.encode((header, payload)))
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(path)

@@ -26,6 +26,7 @@ from pzctl import connect
 from pzctl.daemon.files.paths import home
 from pzctl.daemon.server.access.connection_guard import (
     LARGEST_MESSAGE,
+    LITTLE,
     MOST_CONNECTIONS,
     MOST_SUBSCRIBED,
     ConnectionGuard,
@@ -146,6 +147,28 @@ def test_a_connection_that_closes_after_being_listed(known: bool, monkeypatch: p
             assert ours.fileno() in dict(listed)
     monkeypatch.setattr("pzctl.daemon.server.access.connection_guard._sockets", lambda: iter(listed))
     intake.look(1.0)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="this needs Linux")
+def test_heartbeats_do_not_add_up_to_a_message_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A listener says nothing but these, for months, while the daemon's memory grows for other reasons."""
+    memory = iter(range(100 << 20, 2 << 30, 1 << 20))
+    monkeypatch.setattr("pzctl.daemon.server.access.connection_guard._memory", lambda: next(memory))
+    counts: Counter[str] = Counter()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        guard = ConnectionGuard({port: MOST_SUBSCRIBED}, counts)
+        with socket.create_connection(("127.0.0.1", port)) as listener, server.accept()[0] as ours:
+            for second in range(1000):
+                listener.sendall(bytes(82))  # a ping and a pong under CURVE
+                ours.recv(82)
+                guard.look(float(second))
+            assert not counts
+            listener.sendall(bytes(LITTLE + 1))
+            ours.recv(LITTLE + 1)
+            guard.look(1000.02)
+            guard.look(1000.04)
+    assert counts["cut-off"] == 1, "more than heartbeats still counts"
 
 
 def test_bytes_that_are_not_a_message(start_daemon, build: Build) -> None:

@@ -92,7 +92,7 @@ def test_a_damaged_message_is_read_or_refused(frame: int, at: int, put: bytes, g
         (b'"v":1', b'"v":2', "it has wire version 2; this program reads version 1; upgrade"),
         (b'"kind":"sweep"', b'"kind":"song"', "kind 'song'; known are beat, diagnosis"),
         (b'"settings":{', b'"settings":{"a":' + b"[" * 100_000, "nested too deep"),
-        (b'"settings":{', b'"settings":{"a":"' + b"x" * 2_000_000 + b'",', "at most 1048576 are allowed"),
+        (b'"settings":{', b'"settings":{"a":"' + b"x" * 9_000_000 + b'",', "at most 8388608 are allowed"),
     ],
 )
 def test_what_is_wrong_is_named(old: bytes, new: bytes, says: str) -> None:
@@ -105,6 +105,18 @@ def test_a_frame_too_few_and_one_too_many() -> None:
     for frames in (VALID[:-1], [*VALID, b""], VALID[:1], VALID * 100):
         with pytest.raises(WireError, match="frame"):
             decode(frames)
+
+
+def test_nothing_is_written_that_no_reader_accepts() -> None:
+    """A long sweep has numbers for each of its points in the settings; those of 200,000 take some 4 MB."""
+    sweep = Sweep(np.array([1e6, 2e6]), np.array([1 + 2j, 3 - 4j]))
+    long = message(sweep, noise_relative=[1.23e-5] * 400_000)
+    assert len(long[1]) > 3_000_000
+    assert len(decode(long).sweep().settings["noise_relative"]) == 400_000
+    with pytest.raises(WireError, match=r"event: a header of 900\d+ bytes; at most 8388352 are allowed"):
+        message(sweep, noise_relative="x" * 9_000_000)
+    with pytest.raises(WireError, match="event: a column of 9600000 bytes"):
+        message(Sweep(np.linspace(1e6, 2e6, 600_000), np.ones(600_000) + 1j))
 
 
 def test_unknown_fields_are_ignored() -> None:
