@@ -53,7 +53,7 @@ class KeysightE4990A(Analyzer):
 
     def make_safe(self) -> None:
         """Switch the bias off, whoever left it on, and verify it. Raises InstrumentError."""
-        settings.put(self._link, settings.BIAS_ON, False)
+        settings.bias_off(self._link)
 
     def estimated_seconds(self, plan: SweepPlan) -> float:
         """Return the seconds that `plan` will take. Raises PlanError where an E4990A cannot do it."""
@@ -165,32 +165,37 @@ class KeysightE4990A(Analyzer):
         except BaseException as error:
             self._leave_after(error, found)
             raise
-        self._twice(lambda: self._give_back(found))
+        self._leave(found)
         return result
 
     def _leave_after(self, error: BaseException, found: Mapping[str, settings.Value]) -> None:
-        """Stop, switch the bias off, restore the settings; add to `error` what could not be done."""
+        """Make the instrument safe after `error`; add to the error what could not be done."""
         self._link.doubt()
         try:
-            self._twice(lambda: self._give_back(found))
+            self._leave(found)
         except InstrumentError as second:
             if isinstance(error, InstrumentError):
                 raise type(error)(f"{error}. Besides: {second}") from None
             error.add_note(str(second))
 
+    def _leave(self, found: Mapping[str, settings.Value]) -> None:
+        """Switch the bias off, whatever else fails, then restore the settings. Raises InstrumentError."""
+        self._twice(lambda: settings.bias_off(self._link))
+        if found:
+            self._twice(lambda: self._give_back(found))
+
     def _give_back(self, found: Mapping[str, settings.Value]) -> None:
-        """Stop the sweep, switch the bias off, and restore what differs from `found`, initiation last."""
+        """Stop the sweep and restore what differs from `found`, initiation last. Raises InstrumentError."""
         settings.put(self._link, settings.SETTINGS["continuous"], False)
         self._link.ask(":ABOR;*ESR?")
-        settings.put(self._link, settings.BIAS_ON, False)
-        for _ in range(2 if found else 0):  # one setting may move another: the second pass must confirm all of them
+        for _ in range(2):  # one setting may move another: the second pass must confirm all of them
             for name, value in found.items():
                 if name != "continuous" and not settings.SETTINGS[name].agrees(
                     value, settings.query(self._link, settings.SETTINGS[name])
                 ):
                     header = settings.SETTINGS[name].header
                     self._link.ask(f"{header} {settings.text_of(value)};{header}?")
-        for name in (*(n for n in found if n != "continuous"), *(["continuous"] if found else [])):
+        for name in (*(n for n in found if n != "continuous"), "continuous"):
             settings.put(self._link, settings.SETTINGS[name], found[name])
         self._link.ask("*CLS;*ESR?")
 
