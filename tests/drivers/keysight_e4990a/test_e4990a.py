@@ -159,6 +159,16 @@ def test_the_bias_is_off_after_an_error_whatever_else_cannot_be_restored(
     assert say(sim, ":SOUR:BIAS:STAT?") == "0"
 
 
+def test_a_good_sweep_is_kept_where_a_setting_cannot_be_restored(
+    sim: Simulator, analyzer: Analyzer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overrule(analyzer, monkeypatch, ":TRIG:SOUR INT", "BUS")
+    (sweep,) = analyzer.measure(PLAN)
+    assert sweep.frequency.size == 301
+    assert sweep.notes[-1].startswith("The instrument could not be left as found: ")
+    assert "trigger source (:TRIG:SOUR) was set to INT but reads back BUS" in sweep.notes[-1]
+
+
 def test_a_bias_that_stays_on_is_said(analyzer: Analyzer, monkeypatch: pytest.MonkeyPatch) -> None:
     overrule(analyzer, monkeypatch, ":SOUR:BIAS:STAT OFF", "1")
     with pytest.raises(InstrumentError, match=r"the DC bias is still ON .* switch it off at the front panel"):
