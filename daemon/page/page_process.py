@@ -14,12 +14,18 @@ from pathlib import Path
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ..files.builds.build_file import read_build
+from ..files.worker_limits import allow_many_files
+from ..server.logs import begin_log
 from ..server.workers.subprocesses import end_child, end_with_parent, start_child
 from .page_users import PageUsers
 
 PORT = 8294
 MOST_CONNECTIONS = 200
-"""Greatest number of connections, of which a page holds two or three; more are answered with status 503."""
+"""Greatest number of connections, of which a page holds two or three; for a further one an idle one is closed."""
+BACKLOG = 32
+"""Number of connections that are accepted at once, before it is known whether there are too many."""
+OTHER_FILES = 160
+"""Number of files kept for everything but connections: threads that ask the daemon, and what is being accepted."""
 _LOOPBACK = "127.0.0.1"
 
 
@@ -57,7 +63,9 @@ def serve(
 
     if certificate is not None:
         check_certificate(*certificate)
+    begin_log()
     cert, key = certificate or (None, None)
+    most = max(min(MOST_CONNECTIONS, allow_many_files() - OTHER_FILES), BACKLOG)
     config = uvicorn.Config(
         page_app(build, token, users),
         host,
@@ -66,7 +74,9 @@ def serve(
         ssl_keyfile=key,
         http=TimedProtocol,
         ws="none",
-        limit_concurrency=MOST_CONNECTIONS,
+        backlog=BACKLOG,
+        limit_concurrency=most + 1,
+        log_config=None,
         log_level="warning",
         access_log=False,
         timeout_graceful_shutdown=2,
