@@ -57,6 +57,14 @@ def _bearer(request: Request) -> str:
     return bearer.strip() if scheme.lower() == "bearer" else ""
 
 
+def _site(origin: str) -> str | None:
+    """Return host and port of an `Origin` header; None if it is no address."""
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return None
+
+
 class Guard:
     """Checks the access of every request.
 
@@ -114,7 +122,7 @@ class Guard:
             return PlainTextResponse("this page needs a token: open the address that holds yours", 401)
         if request.method == "POST":
             has_tokens = self._token is not None or self._users is not None
-            if urlsplit(request.headers.get("origin", "")).netloc != host and not (has_tokens and _bearer(request)):
+            if _site(request.headers.get("origin", "")) != host and not (has_tokens and _bearer(request)):
                 says = "commands are accepted from the page itself, or with the header `Authorization: Bearer TOKEN`"
                 return JSONResponse({"error": says}, 403)
             if user.right != "act":

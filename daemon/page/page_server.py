@@ -308,7 +308,12 @@ class _PageRequestHandlers:
 
     def download(self, words: dict[str, str], user: PageUser) -> Response:
         """Return one sweep of a measurement as the project's CSV."""
-        (step,) = _record(words["measurement"]).steps
+        record = _record(words["measurement"])
+        step, *others = record.steps
+        if others:
+            ids = ", ".join(f"{one.measurement.id} ({one.measurement.sample.step})" for one in record.steps)
+            says = f"{record.name} has {len(record.steps)} measurements; ask for the sweeps of one: {ids}"
+            return JSONResponse({"error": says}, 404)
         numbers = {str(k): k for k in range(1, len(step.sweeps) + 1)}
         k = numbers.get(words["segment"])
         if k is None:
