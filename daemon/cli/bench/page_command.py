@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import quote
 
 import typer
 
@@ -61,7 +62,7 @@ def page(
         start(options({"time_scale": 0.02} | settings({"resource": resource})))
     if token is None and page_users is None and not is_loopback(host):
         token = new_token()
-    path = f"/?token={token}" if token else "/"
+    path = f"/?token={quote(token, safe='')}" if token else "/"
     address = f"{'https' if certificate else 'http'}://{host}:{port}{path}"
     print(json.dumps({"page": address}) if as_json else f"page: {address}", flush=True)
     serve(device, host, port, token, users=page_users, certificate=certificate)
