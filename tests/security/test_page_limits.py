@@ -18,7 +18,7 @@ import uvicorn
 from page_requests import BUILD, ask
 
 from pzctl.daemon.files.builds.build_file import parse_build
-from pzctl.daemon.page import event_stream, request_body, timed_protocol
+from pzctl.daemon.page import event_stream, page_server, request_body, timed_protocol
 from pzctl.daemon.page.event_stream import EventStream
 from pzctl.daemon.page.page_server import page_app
 
@@ -51,6 +51,37 @@ def test_every_malformed_body_is_answered_400_with_one_sentence(body: bytes, say
     assert status == 400
     assert says in json.loads(answer)["error"]
     assert len(answer.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "status", "says"),
+    [
+        ({"path": "/nowhere"}, 404, "nothing is at this path"),
+        ({"path": "/static/nothing.js"}, 404, "nothing is at this path"),
+        ({"path": "/api/measure"}, 405, "GET is not allowed at this path; allowed is POST"),
+        ({"path": "/", "token": "at least sixteen characters"}, 401, "this page needs a token"),
+        ({"path": "/", "host": "evil.example"}, 421, "not by another name"),
+        ({"path": "/", "via": "1.1 proxy"}, 421, "behind a proxy"),
+    ],
+)
+def test_every_refusal_is_json_with_one_sentence(asked: dict[str, Any], status: int, says: str) -> None:
+    got, headers, answer = ask(**asked)
+    assert (got, headers["content-type"]) == (status, "application/json")
+    assert says in json.loads(answer)["error"]
+
+
+def test_a_range_that_cannot_be_is_no_error() -> None:
+    status, headers, _ = ask("/static/page.css", range="bytes=9-1")
+    assert (status, headers["content-type"]) == (200, "text/css; charset=utf-8")
+
+
+def test_a_defect_is_answered_in_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with served() as address, closing(http.client.HTTPConnection(*address, timeout=60)) as asked:
+        monkeypatch.setattr(page_server, "STATIC", tmp_path)
+        asked.request("GET", "/", headers={"Host": "127.0.0.1"})
+        answer = asked.getresponse()
+        assert answer.status == 500
+        assert "a defect of pzctl, see the page's log" in json.loads(answer.read())["error"]
 
 
 def test_a_band_is_two_frequencies() -> None:
