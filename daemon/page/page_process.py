@@ -59,20 +59,16 @@ def serve(
     import uvicorn
 
     from .page_server import page_app
-    from .timed_protocol import TimedProtocol
+    from .timed_protocol import TimedProtocol, encrypted_protocol
 
-    if certificate is not None:
-        check_certificate(*certificate)
+    protocol = TimedProtocol if certificate is None else encrypted_protocol(tls_context(*certificate))
     begin_log()
-    cert, key = certificate or (None, None)
     most = max(min(MOST_CONNECTIONS, allow_many_files() - OTHER_FILES), BACKLOG)
     config = uvicorn.Config(
         page_app(build, token, users),
         host,
         port,
-        ssl_certfile=cert,
-        ssl_keyfile=key,
-        http=TimedProtocol,
+        http=protocol,
         ws="none",
         backlog=BACKLOG,
         limit_concurrency=most + 1,
@@ -87,10 +83,11 @@ def serve(
         raise PageError(f"{host}:{port}: cannot listen there; is the port taken? --port takes another") from None
 
 
-def check_certificate(cert: Path, key: Path) -> None:
-    """Raise PageError if a certificate and its key (PEM) cannot be used."""
+def tls_context(cert: Path, key: Path) -> ssl.SSLContext:
+    """Return what HTTPS needs of a certificate and its key (PEM). Raises PageError if they cannot be used."""
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     try:
-        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(cert, key, password="")
+        context.load_cert_chain(cert, key, password="")
     except ssl.SSLError as error:
         reason = error.reason or "the key cannot be read"
         raise PageError(
@@ -98,6 +95,7 @@ def check_certificate(cert: Path, key: Path) -> None:
         ) from None
     except OSError as error:
         raise PageError(f"{cert}, {key}: the certificate or its key cannot be read: {error.strerror}") from None
+    return context
 
 
 def free_port(host: str, port: int, hint: str) -> int:

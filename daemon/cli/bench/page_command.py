@@ -31,7 +31,7 @@ def page(
 
     pzctl page --host 192.168.0.20 --users page-users.toml --tls-cert lab.pem --tls-key lab.key
     """
-    from ...page.page_process import check_certificate, check_installed, free_port, serve
+    from ...page.page_process import check_installed, free_port, serve, tls_context
 
     check_installed()
     from ...files.builds.build_file import THESIS_BUILD, read_build
@@ -50,7 +50,7 @@ def page(
         raise UsageError("--tls-cert and --tls-key belong together: give both, or neither")
     certificate = (tls_cert, tls_key) if tls_cert and tls_key else None
     if certificate:
-        check_certificate(*certificate)
+        tls_context(*certificate)
     page_users = PageUsers(users) if users else None
     device = read_build(build or THESIS_BUILD)
     screen = console(stderr=True)
