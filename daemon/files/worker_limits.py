@@ -22,13 +22,15 @@ class Limits:
     """From the start of the process until it says hello."""
 
 
-def allow_many_files() -> None:
-    """Raise this process's limit of open files to the hard limit, since every connection takes one."""
-    if sys.platform != "win32":
-        import resource
+def allow_many_files() -> int:
+    """Raise this process's limit of open files to the hard limit, since every connection takes one; return it."""
+    if sys.platform == "win32":
+        return sys.maxsize
+    import resource
 
-        _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    return sys.maxsize if hard == resource.RLIM_INFINITY else hard
 
 
 def limit_memory(memory_MB: int) -> None:

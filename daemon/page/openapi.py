@@ -21,6 +21,7 @@ _ERROR = {
 }
 _REFUSALS = {
     "400": "The body is not a JSON object of these fields.",
+    "401": "No valid token.",
     "403": "The token has the right to read only, or a command has no token in its header.",
     "404": "There is no such sample, measurement or sweep.",
     "409": "The daemon refuses, or none runs.",
@@ -72,8 +73,7 @@ def _operation(route: Route, body: Mapping[str, Any] | None) -> dict[str, Any]:
             }
             for status, says in _REFUSALS.items()
             if body is not None or status not in ("400", "403")
-        }
-        | {"401": {"description": "No valid token.", "content": {"text/plain": {}}}},
+        },
     }
     if more:
         operation["description"] = more

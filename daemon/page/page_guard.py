@@ -7,7 +7,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from .page_users import PageUser, PageUsers
@@ -57,6 +57,14 @@ def _bearer(request: Request) -> str:
     return bearer.strip() if scheme.lower() == "bearer" else ""
 
 
+def _site(origin: str) -> str | None:
+    """Return host and port of an `Origin` header; None if it is no address."""
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return None
+
+
 class Guard:
     """Checks the access of every request.
 
@@ -79,6 +87,7 @@ class Guard:
         user = self._user(shown_token(request))
         refusal = self._refusal(request, user)
         scope["pzctl.user"] = user
+        scope["headers"] = [header for header in scope["headers"] if header[0] != b"range"]  # files are sent as a whole
 
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -102,19 +111,19 @@ class Guard:
         host = request.headers.get("host", "")
         if self._token is None and self._users is None:
             if host.rpartition(":")[0] not in LOCAL_NAMES and host not in LOCAL_NAMES:
-                return PlainTextResponse("open this page as http://127.0.0.1, not by another name", 421)
+                return JSONResponse({"error": "open this page as http://127.0.0.1, not by another name"}, 421)
             if any(name in request.headers for name in PASSED_ON):
-                return PlainTextResponse("this page is behind a proxy, so it needs --users or --token", 421)
+                return JSONResponse({"error": "this page is behind a proxy, so it needs --users or --token"}, 421)
         elif (shown := parse_qs(request.url.query).get("token", [""])[0]) and self._user(shown) is not None:
             welcome = RedirectResponse("/", 303)
             secure = request.url.scheme == "https"
             welcome.set_cookie(COOKIE, shown, httponly=True, samesite="strict", secure=secure)
             return welcome
         if user is None:
-            return PlainTextResponse("this page needs a token: open the address that holds yours", 401)
+            return JSONResponse({"error": "this page needs a token: open the address that holds yours"}, 401)
         if request.method == "POST":
             has_tokens = self._token is not None or self._users is not None
-            if urlsplit(request.headers.get("origin", "")).netloc != host and not (has_tokens and _bearer(request)):
+            if _site(request.headers.get("origin", "")) != host and not (has_tokens and _bearer(request)):
                 says = "commands are accepted from the page itself, or with the header `Authorization: Bearer TOKEN`"
                 return JSONResponse({"error": says}, 403)
             if user.right != "act":

@@ -14,12 +14,18 @@ from pathlib import Path
 from ...models.base.errors import PzctlError
 from ...models.build import Build
 from ..files.builds.build_file import read_build
+from ..files.worker_limits import allow_many_files
+from ..server.logs import begin_log
 from ..server.workers.subprocesses import end_child, end_with_parent, start_child
 from .page_users import PageUsers
 
 PORT = 8294
 MOST_CONNECTIONS = 200
-"""Greatest number of connections, of which a page holds two or three; more are answered with status 503."""
+"""Greatest number of connections, of which a page holds two or three; for a further one an idle one is closed."""
+BACKLOG = 32
+"""Number of connections that are accepted at once, before it is known whether there are too many."""
+OTHER_FILES = 160
+"""Number of files kept for everything but connections: threads that ask the daemon, and what is being accepted."""
 _LOOPBACK = "127.0.0.1"
 
 
@@ -53,20 +59,20 @@ def serve(
     import uvicorn
 
     from .page_server import page_app
-    from .timed_protocol import TimedProtocol
+    from .timed_protocol import TimedProtocol, encrypted_protocol
 
-    if certificate is not None:
-        check_certificate(*certificate)
-    cert, key = certificate or (None, None)
+    protocol = TimedProtocol if certificate is None else encrypted_protocol(tls_context(*certificate))
+    begin_log()
+    most = max(min(MOST_CONNECTIONS, allow_many_files() - OTHER_FILES), BACKLOG)
     config = uvicorn.Config(
         page_app(build, token, users),
         host,
         port,
-        ssl_certfile=cert,
-        ssl_keyfile=key,
-        http=TimedProtocol,
+        http=protocol,
         ws="none",
-        limit_concurrency=MOST_CONNECTIONS,
+        backlog=BACKLOG,
+        limit_concurrency=most + 1,
+        log_config=None,
         log_level="warning",
         access_log=False,
         timeout_graceful_shutdown=2,
@@ -77,10 +83,11 @@ def serve(
         raise PageError(f"{host}:{port}: cannot listen there; is the port taken? --port takes another") from None
 
 
-def check_certificate(cert: Path, key: Path) -> None:
-    """Raise PageError if a certificate and its key (PEM) cannot be used."""
+def tls_context(cert: Path, key: Path) -> ssl.SSLContext:
+    """Return what HTTPS needs of a certificate and its key (PEM). Raises PageError if they cannot be used."""
+    context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     try:
-        ssl.create_default_context(ssl.Purpose.CLIENT_AUTH).load_cert_chain(cert, key, password="")
+        context.load_cert_chain(cert, key, password="")
     except ssl.SSLError as error:
         reason = error.reason or "the key cannot be read"
         raise PageError(
@@ -88,6 +95,7 @@ def check_certificate(cert: Path, key: Path) -> None:
         ) from None
     except OSError as error:
         raise PageError(f"{cert}, {key}: the certificate or its key cannot be read: {error.strerror}") from None
+    return context
 
 
 def free_port(host: str, port: int, hint: str) -> int:

@@ -6,11 +6,12 @@ from collections.abc import AsyncGenerator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from email.message import Message
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 import msgspec
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
@@ -119,7 +120,31 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
         Route("/pdf/{name:path}", _answering(handlers.pdf)),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]
-    return Starlette(routes=routes, lifespan=lifespan, middleware=[Middleware(Guard, token=token, users=users)])
+    return Starlette(
+        routes=routes,
+        lifespan=lifespan,
+        middleware=[Middleware(Guard, token=token, users=users)],
+        exception_handlers={HTTPException: _refused, Exception: _failed},
+    )
+
+
+def _refused(request: Request, error: Exception) -> Response:
+    """Answer a request for a path that does not exist, or by another method than that of the path."""
+    refusal = cast(HTTPException, error)
+    headers = refusal.headers or {}
+    match refusal.status_code:
+        case 404:
+            says = "nothing is at this path; /api/openapi.json lists all paths"
+        case 405:
+            says = f"{request.method} is not allowed at this path; allowed is {headers.get('Allow', 'GET')}"
+        case _:
+            says = refusal.detail
+    return JSONResponse({"error": says}, refusal.status_code, headers)
+
+
+def _failed(_: Request, error: Exception) -> Response:
+    """Answer where an endpoint failed outside its thread; the server logs the traceback."""
+    return JSONResponse({"error": f"a defect of pzctl, see the page's log: {error!r}"}, 500)
 
 
 class BalanceMass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -241,7 +266,7 @@ class _PageRequestHandlers:
             from . import prometheus_metrics
         except ModuleNotFoundError as error:
             says = f"{error.name} is not installed; metrics need it: pip install {error.name}"
-            return PlainTextResponse(says, 501)
+            return JSONResponse({"error": says}, 501)
         free = shutil.disk_usage(home()).free
         try:
             with PageClient(user.name) as lab:
@@ -308,7 +333,12 @@ class _PageRequestHandlers:
 
     def download(self, words: dict[str, str], user: PageUser) -> Response:
         """Return one sweep of a measurement as the project's CSV."""
-        (step,) = _record(words["measurement"]).steps
+        record = _record(words["measurement"])
+        step, *others = record.steps
+        if others:
+            ids = ", ".join(f"{one.measurement.id} ({one.measurement.sample.step})" for one in record.steps)
+            says = f"{record.name} has {len(record.steps)} measurements; ask for the sweeps of one: {ids}"
+            return JSONResponse({"error": says}, 404)
         numbers = {str(k): k for k in range(1, len(step.sweeps) + 1)}
         k = numbers.get(words["segment"])
         if k is None:

@@ -9,6 +9,7 @@ before, while a rotation lasts. `make_client` and `rotate` return the content of
 import os
 import re
 import stat
+import tempfile
 from collections.abc import Mapping
 from datetime import date
 from pathlib import Path
@@ -84,7 +85,7 @@ def local_keys(folder: Path) -> LocalKeys:
     path = folder / "local.json"
     if not path.exists():
         write_secret(path, to_json(LocalKeys(new_pair(), new_pair())))
-    return _parsed(path, _local)
+    return _parsed(path, _local, "remove it: the daemon makes a new one when it starts")
 
 
 def new_pair() -> KeyPair:
@@ -102,7 +103,11 @@ def make_server(folder: Path) -> KeyPair:
 
 def server_key(folder: Path) -> KeyPair:
     """Return the daemon's key pair. Raises KeyFileError."""
-    return _parsed(folder / "server.json", _server)
+    return _parsed(
+        folder / "server.json",
+        _server,
+        "restore it from a backup, or remove it, run `pzctl keys server` and rotate the key of every client",
+    )
 
 
 def make_client(
@@ -201,7 +206,7 @@ def client_files(folder: Path) -> list[Path]:
 
 def read_client(path: Path) -> AllowedClient:
     """Return the client of a file. Raises KeyFileError."""
-    client = _parsed(path, _client)
+    client = _parsed(path, _client, "revoke it (`pzctl keys revoke`) and make a new one (`pzctl keys client`)")
     _check_client_name(client.name)
     if client.name != path.stem.removesuffix(PREVIOUS):
         raise KeyFileError(
@@ -221,23 +226,43 @@ def revoke(folder: Path, name: str) -> None:
 
 def read_client_key(path: Path) -> ClientKey:
     """Return a client's own keys. Raises KeyFileError."""
-    return _parsed(path, _client_key)
+    return _parsed(path, _client_key, "ask for a new one, which `pzctl keys rotate` makes")
 
 
 def write_secret(path: Path, text: bytes) -> None:
-    """Write a new file that only its owner can read. Raises KeyFileError if it exists already."""
+    """Write a new file atomically that only its owner can read. Raises KeyFileError, also if it exists already."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as error:
         raise KeyFileError(f"{path.parent}: this folder cannot be made: {error.strerror}") from None
+    part: Path | None = None
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")  # for its owner only
+        part = Path(name)
+        with os.fdopen(handle, "wb") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        _name_new(part, path)
     except FileExistsError:
         raise KeyFileError(f"{path} exists already; remove it first if nobody needs it any more") from None
     except OSError as error:
         raise KeyFileError(f"{path} cannot be written: {error.strerror}") from None
-    with os.fdopen(handle, "wb") as file:
-        file.write(text)
+    finally:
+        if part is not None:
+            part.unlink(missing_ok=True)
+
+
+def _name_new(part: Path, path: Path) -> None:
+    """Give a file the name `path` as well, or instead. Raises FileExistsError if that exists, OSError."""
+    try:
+        path.hardlink_to(part)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        if path.exists():
+            raise FileExistsError from None
+        part.replace(path)
 
 
 def _check_client_name(name: str) -> None:
@@ -251,12 +276,13 @@ def _file(folder: Path, name: str) -> Path:
     return folder / "clients" / f"{name}.json"
 
 
-def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]") -> T:
+def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]", remedy: str) -> T:
+    """Return what a key file holds. Raises KeyFileError; `remedy` says what to do with one that holds no key."""
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST_HEADER:  # opening a pipe would wait for ever
             why = "Is a directory" if stat.S_ISDIR(status.st_mode) else "it is no key file, or far too long"
-            raise KeyFileError(f"{path} cannot be read: {why}")
+            raise KeyFileError(f"{path} cannot be read: {why}; {remedy}")
         text = path.read_bytes()
     except FileNotFoundError:
         raise KeyFileError(f"there is no key {path}; `pzctl keys --help` says how to make one") from None
@@ -267,7 +293,7 @@ def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]") -> T:
     try:
         return from_json(text, decoder)
     except WireError as error:
-        raise KeyFileError(f"{path} is not a key: {error}") from None
+        raise KeyFileError(f"{path} is not a key: {error}; {remedy}") from None
 
 
 _server = msgspec.json.Decoder(KeyPair)

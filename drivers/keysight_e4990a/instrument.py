@@ -1,5 +1,6 @@
 """The E4990A as an `Analyzer`: it carries out whole plans and leaves the instrument as it was found."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -53,7 +54,7 @@ class KeysightE4990A(Analyzer):
 
     def make_safe(self) -> None:
         """Switch the bias off, whoever left it on, and verify it. Raises InstrumentError."""
-        settings.put(self._link, settings.BIAS_ON, False)
+        settings.bias_off(self._link)
 
     def estimated_seconds(self, plan: SweepPlan) -> float:
         """Return the seconds that `plan` will take. Raises PlanError where an E4990A cannot do it."""
@@ -66,7 +67,11 @@ class KeysightE4990A(Analyzer):
         progress: Callable[[Progress], None] = lambda _: None,
         cancelled: Callable[[], bool] = lambda: False,
     ) -> tuple[Sweep, ...]:
-        """Carry out `plan`; see `Analyzer.measure`. A joined plan is one segment sweep."""
+        """Carry out `plan`; see `Analyzer.measure`. A joined plan is one segment sweep.
+
+        If a sweep is good but the settings could not be restored, the notes of the Sweep say so; if the bias could not
+        be switched off, InstrumentError is raised all the same.
+        """
         self._check(plan)
         groups = [plan.segments] if plan.joined else [(segment,) for segment in plan.segments]
 
@@ -78,7 +83,8 @@ class KeysightE4990A(Analyzer):
                 for k, group in enumerate(groups, start=1)
             )
 
-        return self._as_found(sweep_all)
+        sweeps, left = self._as_found(sweep_all)
+        return sweeps if not left else tuple(dataclasses.replace(s, notes=(*s.notes, left)) for s in sweeps)
 
     def compensate(
         self,
@@ -98,7 +104,7 @@ class KeysightE4990A(Analyzer):
             whole = compensation.STANDARD_SECONDS
             progress(Progress(min(passed / whole, 1.0), max(whole - passed, 0.0), f"{what} compensation"))
 
-        return self._as_found(lambda who: compensation.measure(self._link, who, standards, prompt, tick))
+        return self._as_found(lambda who: compensation.measure(self._link, who, standards, prompt, tick))[0]
 
     def restore(self, stored: Compensation) -> None:
         """Write the arrays of `stored` back to the instrument and switch them on. Raises InstrumentError."""
@@ -150,8 +156,8 @@ class KeysightE4990A(Analyzer):
         corrections = [name for name, s in settings.CORRECTIONS.items() if settings.query(self._link, s)]
         return _record(raw, segments, plan, identity, before, bias_on, corrections, expected)
 
-    def _as_found(self, action: Callable[[Identity], Result]) -> Result:
-        """Do `action` and restore the instrument; the bias is off in any case."""
+    def _as_found(self, action: Callable[[Identity], Result]) -> tuple[Result, str]:
+        """Do `action`, then restore the instrument; return the result and what could not be restored."""
         identity = self.identify()
         found: dict[str, settings.Value] = {}
         try:
@@ -165,32 +171,45 @@ class KeysightE4990A(Analyzer):
         except BaseException as error:
             self._leave_after(error, found)
             raise
-        self._twice(lambda: self._give_back(found))
-        return result
+        return result, self._leave(found)
 
     def _leave_after(self, error: BaseException, found: Mapping[str, settings.Value]) -> None:
-        """Stop, switch the bias off, restore the settings; add to `error` what could not be done."""
+        """Make the instrument safe after `error`; add to the error what could not be done."""
         self._link.doubt()
         try:
-            self._twice(lambda: self._give_back(found))
+            left = self._leave(found)
         except InstrumentError as second:
-            if isinstance(error, InstrumentError):
-                raise type(error)(f"{error}. Besides: {second}") from None
-            error.add_note(str(second))
+            left = str(second)
+        if left and isinstance(error, InstrumentError):
+            raise type(error)(f"{error}. Besides: {left}") from None
+        if left:
+            error.add_note(left)
+
+    def _leave(self, found: Mapping[str, settings.Value]) -> str:
+        """Switch the bias off and restore the settings; return "", or a sentence on what could not be restored.
+
+        Raises InstrumentError where the bias is not known to be off: this must not be overlooked.
+        """
+        self._twice(lambda: settings.bias_off(self._link))
+        try:
+            if found:
+                self._twice(lambda: self._give_back(found))
+        except InstrumentError as error:
+            return f"The instrument could not be left as found: {error}"
+        return ""
 
     def _give_back(self, found: Mapping[str, settings.Value]) -> None:
-        """Stop the sweep, switch the bias off, and restore what differs from `found`, initiation last."""
+        """Stop the sweep and restore what differs from `found`, initiation last. Raises InstrumentError."""
         settings.put(self._link, settings.SETTINGS["continuous"], False)
         self._link.ask(":ABOR;*ESR?")
-        settings.put(self._link, settings.BIAS_ON, False)
-        for _ in range(2 if found else 0):  # one setting may move another: the second pass must confirm all of them
+        for _ in range(2):  # one setting may move another: the second pass must confirm all of them
             for name, value in found.items():
                 if name != "continuous" and not settings.SETTINGS[name].agrees(
                     value, settings.query(self._link, settings.SETTINGS[name])
                 ):
                     header = settings.SETTINGS[name].header
                     self._link.ask(f"{header} {settings.text_of(value)};{header}?")
-        for name in (*(n for n in found if n != "continuous"), *(["continuous"] if found else [])):
+        for name in (*(n for n in found if n != "continuous"), "continuous"):
             settings.put(self._link, settings.SETTINGS[name], found[name])
         self._link.ask("*CLS;*ESR?")
 

@@ -76,6 +76,8 @@ SETTINGS: Mapping[str, Setting] = {
 
 BIAS_ON = Setting(":SOUR:BIAS:STAT", "bias output", flag=True)  # [1] [3] [4]
 
+STILL_BIASED = "{}: the DC bias is still ON after :SOUR:BIAS:STAT OFF; switch it off at the front panel"
+
 CORRECTIONS: Mapping[str, Setting] = {
     "open": Setting(":SENS1:CORR2:OPEN", "open compensation", flag=True),  # [1]
     "short": Setting(":SENS1:CORR2:SHOR", "short compensation", flag=True),  # [1]
@@ -106,6 +108,13 @@ def put(link: Connection, setting: Setting, value: Value) -> Value:
             f"{text_of(got)}; the instrument did not take it"
         )
     return got
+
+
+def bias_off(link: Connection) -> None:
+    """Switch the bias off and verify it. Raises InstrumentError."""
+    header = BIAS_ON.header
+    if BIAS_ON.read(link.ask(f"{header} OFF;{header}?"), f"{link.name}: {BIAS_ON.words} ({header}?)"):
+        raise InstrumentError(STILL_BIASED.format(link.name))
 
 
 def snapshot(link: Connection, names: Iterable[str] = SETTINGS) -> dict[str, Value]:

@@ -12,6 +12,9 @@ from ...models.base.errors import PzctlError
 LARGEST = 100_000_000
 """Bytes. A sweep of a million points has some 50 MB; a larger file is not a recording of an impedance analyzer."""
 
+MOST_LINES = 1_100_000
+"""Greatest number of lines of a text file: a sweep of a million points, which takes up to a minute to read."""
+
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?")
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
@@ -124,7 +127,10 @@ def read_page(path: Path) -> TextFile:
         text = data.decode("latin-1")  # a degree sign of an older program; binary data are refused below
     if _CONTROL.search(text):
         raise RecordingError(f"{path}: this is binary data, not the text of a recording")
-    return TextFile(path, tuple(text.replace("\r\n", "\n").replace("\r", "\n").split("\n")))
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if (lines := text.count("\n")) > MOST_LINES:
+        raise RecordingError(f"{path}: {lines} lines are too many; at most {MOST_LINES} are allowed")
+    return TextFile(path, tuple(text.split("\n")))
 
 
 def file_time(path: Path) -> str:

@@ -14,6 +14,7 @@ from ..transport.faults import LASTING, Faults
 from .bench_errors import BenchError
 from .hidden_effects import hidden, hide
 from .jig import JIGS, Jig
+from .json_numbers import finite, quoted
 
 
 class BenchPort:
@@ -63,7 +64,7 @@ class BenchPort:
     def answer(self, line: bytes) -> dict[str, Any]:
         """Return the answer to one line."""
         try:
-            command: Any = json.loads(line)
+            command = _parsed(line)
             if not isinstance(command, dict):
                 raise BenchError('bench: a JSON object is needed, such as {"command": "status"}')
             self._instrument.advance()
@@ -72,8 +73,6 @@ class BenchPort:
                 **self._run({str(k): v for k, v in cast("dict[Any, Any]", command).items()}),
                 **self._status(),
             }
-        except (json.JSONDecodeError, UnicodeDecodeError, RecursionError):
-            return {"ok": False, "error": "bench: the line is no JSON; one JSON object per line is needed"}
         except PzctlError as error:
             return {"ok": False, "error": str(error)}
         finally:
@@ -126,7 +125,7 @@ class BenchPort:
 
     def _effects(self, command: dict[str, Any]) -> dict[str, Any]:
         wanted = {name: _switch(command, name) for name in ("noise", "off", "radial") if name in command}
-        effects = self._bench.effects.changed(**command)
+        effects = self._bench.effects.changed(command)
         self._bench.check(effects, wanted.get("radial", self._bench.radial))
         for name, on in wanted.items():
             setattr(self._bench, name, on)
@@ -161,6 +160,14 @@ class BenchPort:
             raise BenchError("bench: no sweep waits for an external or manual trigger; TRGS EXT and SING come first")
 
 
+def _parsed(line: bytes) -> Any:
+    """Return what a line says. Raises BenchError."""
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError):  # ValueError: no JSON, no UTF-8, or a number with thousands of digits
+        raise BenchError("bench: the line is no JSON; one JSON object per line is needed") from None
+
+
 def _text(command: Mapping[str, Any], key: str) -> str:
     value = command.get(key)
     if not isinstance(value, str):
@@ -184,9 +191,10 @@ def _whole(command: Mapping[str, Any], key: str) -> int:
 
 def _real(command: Mapping[str, Any], key: str) -> float:
     value = command.get(key)
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        raise BenchError(f"bench: {key!r} is {value!r}; a number is needed")
-    return float(value)
+    number = finite(value)
+    if number is None:
+        raise BenchError(f"bench: {key!r} is {quoted(value)}; a number is needed")
+    return number
 
 
 def _options(command: Mapping[str, Any]) -> dict[str, float | str]:

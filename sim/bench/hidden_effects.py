@@ -9,6 +9,7 @@ from typing import Literal
 
 from .bench import Bench
 from .bench_errors import BenchError
+from .json_numbers import finite, quoted
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,11 @@ def _size(name: str, size: object) -> float:
     kind = KINDS.get(name)
     if kind is None:
         raise BenchError(f"bench: nothing called {name!r} can be hidden; there are {', '.join(KINDS)}")
-    if isinstance(size, bool) or not isinstance(size, int | float) or not kind.minimum <= size < float("inf"):
-        raise BenchError(f"bench: {name} is {size!r}; a number from {kind.minimum:g} on is needed, in {kind.unit}")
-    return float(size)
+    number = finite(size)
+    if number is None or number < kind.minimum:
+        says = f"is {quoted(size)}; a number from {kind.minimum:g} on is needed, in {kind.unit}"
+        raise BenchError(f"bench: {name} {says}")
+    return number
 
 
 def hidden(bench: Bench) -> dict[str, float]:

@@ -14,6 +14,7 @@ from ...models.base.arrays import Frequencies, Impedances, Reals
 from ...models.base.model import Model
 from ..instrument.axis import Axis
 from .bench_errors import BenchError
+from .json_numbers import finite, quoted
 
 SOURCE_OHM = 25.0
 """Source resistance of the analyzer, which reduces the level at the device."""
@@ -38,14 +39,14 @@ class Effects:
     strain_softening: float = 0.0
     """a in c33D (1 - a |S|), |S| the mean strain's amplitude; the loss grows by 4/(3 pi) a |S| (Rayleigh's law)."""
 
-    def changed(self, **values: Any) -> "Effects":
+    def changed(self, values: Mapping[str, Any]) -> "Effects":
         """Return the effects with some changed. Raises BenchError for an unknown name or a non-numeric value."""
         names = [f.name for f in fields(self)]
         for name, value in values.items():
             if name not in names:
                 raise BenchError(f"bench: no effect {name!r}; there are {', '.join(names)}")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-                raise BenchError(f"bench: {name} is {value!r}; a number is needed")
+            if finite(value) is None:
+                raise BenchError(f"bench: {name} is {quoted(value)}; a number is needed")
         return replace(self, **values)
 
 

@@ -20,6 +20,7 @@ from pzctl.daemon.server.requests.request_errors import RequestError
 from pzctl.daemon.wire.curve_keys import (
     KeyFileError,
     clients,
+    local_keys,
     make_client,
     make_server,
     read_client_key,
@@ -214,3 +215,31 @@ def test_both_keys_work_during_a_rotation(
     again = subprocess.run([program, "keys", "rotate", "nobody"], capture_output=True, text=True, check=False)
     assert again.returncode == 2 or "is not known" in again.stderr
     assert not (tmp_path / "nobody.new.key").exists(), "a key that was not made leaves no file"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit of a file's size")
+def test_a_key_that_could_not_be_written_to_its_end_is_no_key(tmp_path: Path) -> None:
+    folder = keys_folder(tmp_path)
+    script = (
+        "import resource, signal, sys, pathlib; from pzctl.daemon.wire.curve_keys import local_keys;"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_DFL) if sys.argv[2] == 'killed' else None;"
+        "resource.setrlimit(resource.RLIMIT_CORE, (0, 0)); resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0));"
+        "local_keys(pathlib.Path(sys.argv[1]))"
+    )
+    for how, says in (("killed", ""), ("refused", f"{folder / 'local.json'} cannot be written: File too large")):
+        words = [sys.executable, "-P", "-c", script, folder, how]
+        ended = subprocess.run(words, stderr=subprocess.PIPE, text=True, check=False)
+        assert ended.returncode != 0
+        assert says in ended.stderr
+        assert not (folder / "local.json").exists(), how
+    pair = local_keys(folder)
+    assert local_keys(folder) == pair
+    assert (folder / "local.json").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_key_file_that_cannot_be_read_says_what_to_do(tmp_path: Path) -> None:
+    folder = keys_folder(tmp_path)
+    local_keys(folder)
+    (folder / "local.json").write_bytes(b"")
+    with pytest.raises(KeyFileError, match=r"local\.json is not a key: .*; remove it: the daemon makes a new one"):
+        AccessControl(folder, outside=False)

@@ -1,11 +1,16 @@
 """A client of the page cannot crash it with a body, hold its connections, or use up its event streams."""
 
 import asyncio
+import http.client
 import json
 import socket
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +18,7 @@ import uvicorn
 from page_requests import BUILD, ask
 
 from pzctl.daemon.files.builds.build_file import parse_build
-from pzctl.daemon.page import event_stream, request_body, timed_protocol
+from pzctl.daemon.page import event_stream, page_server, request_body, timed_protocol
 from pzctl.daemon.page.event_stream import EventStream
 from pzctl.daemon.page.page_server import page_app
 
@@ -46,6 +51,37 @@ def test_every_malformed_body_is_answered_400_with_one_sentence(body: bytes, say
     assert status == 400
     assert says in json.loads(answer)["error"]
     assert len(answer.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("asked", "status", "says"),
+    [
+        ({"path": "/nowhere"}, 404, "nothing is at this path"),
+        ({"path": "/static/nothing.js"}, 404, "nothing is at this path"),
+        ({"path": "/api/measure"}, 405, "GET is not allowed at this path; allowed is POST"),
+        ({"path": "/", "token": "at least sixteen characters"}, 401, "this page needs a token"),
+        ({"path": "/", "host": "evil.example"}, 421, "not by another name"),
+        ({"path": "/", "via": "1.1 proxy"}, 421, "behind a proxy"),
+    ],
+)
+def test_every_refusal_is_json_with_one_sentence(asked: dict[str, Any], status: int, says: str) -> None:
+    got, headers, answer = ask(**asked)
+    assert (got, headers["content-type"]) == (status, "application/json")
+    assert says in json.loads(answer)["error"]
+
+
+def test_a_range_that_cannot_be_is_no_error() -> None:
+    status, headers, _ = ask("/static/page.css", range="bytes=9-1")
+    assert (status, headers["content-type"]) == (200, "text/css; charset=utf-8")
+
+
+def test_a_defect_is_answered_in_json(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with served() as address, closing(http.client.HTTPConnection(*address, timeout=60)) as asked:
+        monkeypatch.setattr(page_server, "STATIC", tmp_path)
+        asked.request("GET", "/", headers={"Host": "127.0.0.1"})
+        answer = asked.getresponse()
+        assert answer.status == 500
+        assert "a defect of pzctl, see the page's log" in json.loads(answer.read())["error"]
 
 
 def test_a_band_is_two_frequencies() -> None:
@@ -97,12 +133,13 @@ async def _streams() -> None:
 
 
 @contextmanager
-def served() -> Iterator[tuple[str, int]]:
+def served(limit_concurrency: int | None = None) -> Iterator[tuple[str, int]]:
     """Serve the page as `pzctl page` does, in a thread; idle connections are closed after 1 s instead of 5."""
     listener = socket.create_server(("127.0.0.1", 0))
     page = page_app(parse_build(BUILD))
     timed = timed_protocol.TimedProtocol
-    config = uvicorn.Config(page, http=timed, ws="none", log_level="critical", timeout_keep_alive=1)
+    options = {"ws": "none", "log_level": "critical", "timeout_keep_alive": 1, "limit_concurrency": limit_concurrency}
+    config = uvicorn.Config(page, http=timed, **options)
     server = uvicorn.Server(config)
     thread = threading.Thread(target=lambda: asyncio.run(server.serve([listener])))
     thread.start()
@@ -127,6 +164,44 @@ def test_a_head_that_does_not_come_ends_its_connection(begun: bytes, monkeypatch
                     break
             except ConnectionResetError:
                 break  # ended as promised; a connection that stays open times out above
+
+
+def status_of(address: tuple[str, int], source: str = "127.0.0.1") -> int:
+    with closing(http.client.HTTPConnection(*address, timeout=60, source_address=(source, 0))) as asked:
+        asked.request("GET", "/api/openapi.json", headers={"Host": "127.0.0.1"})
+        return asked.getresponse().status
+
+
+def test_a_connection_too_many_takes_the_place_of_an_idle_one() -> None:
+    with served(limit_concurrency=4) as address, ExitStack() as kept:
+        first = kept.enter_context(socket.create_connection(address, 60, source_address=("127.0.0.2", 0)))
+        idle = [kept.enter_context(socket.create_connection(address, 60)) for _ in range(3)]
+        assert idle[0].recv(1) == b"", "closed"  # it is of the address with the most connections, not the oldest of all
+        assert status_of(address, "127.0.0.3") == 200
+        first.sendall(b"GET /api/openapi.json HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert first.recv(12) == b"HTTP/1.1 200"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such limit")
+def test_idle_connections_under_a_low_limit_of_files_close_the_page_to_nobody_and_fill_no_log(tmp_path: Path) -> None:
+    build, log = tmp_path / "B.toml", tmp_path / "log"
+    build.write_text(BUILD)
+    with socket.create_server(("127.0.0.1", 0)) as trial:
+        address = trial.getsockname()
+    few = ["sh", "-c", 'ulimit -n 256; exec "$@"', "sh"]
+    command = [*few, sys.executable, "-P", "-m", "pzctl.daemon.page.page_process", str(build), str(address[1])]
+    with ExitStack() as kept:
+        lines = kept.enter_context(log.open("wb"))
+        page = kept.enter_context(subprocess.Popen(command, stdin=subprocess.PIPE, stderr=lines))
+        kept.callback(page.kill)
+        while page.poll() is None:
+            with suppress(ConnectionRefusedError):
+                for _ in range(300):
+                    kept.enter_context(socket.create_connection(address, 60))
+                break
+            time.sleep(0.05)
+        assert [status_of(address) for _ in range(3)] == [200, 200, 200]
+    assert log.read_text() == ""
 
 
 def test_somebody_who_does_not_read_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:

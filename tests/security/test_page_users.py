@@ -5,10 +5,12 @@ import datetime
 import json
 import os
 import re
+import socket
 import ssl
 import threading
 import urllib.request
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,10 @@ from page_requests import BUILD, ask
 from pzctl.daemon.client.conversations import Conversations
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.daemon.page import page_client
-from pzctl.daemon.page.page_process import PageError, check_certificate
-from pzctl.daemon.page.page_server import page_app
+from pzctl.daemon.page.page_process import PageError, tls_context
+from pzctl.daemon.page.page_server import STATIC, page_app
 from pzctl.daemon.page.page_users import PageUsers, PageUsersError, add_user
+from pzctl.daemon.page.timed_protocol import encrypted_protocol
 from pzctl.daemon.wire.replies import Answer
 from pzctl.daemon.wire.requests import Request
 
@@ -163,27 +166,74 @@ def certificate(tmp_path: Path) -> tuple[Path, Path]:
     return pem, private
 
 
-def test_with_a_certificate_the_page_is_served_by_https(certificate: tuple[Path, Path], file: Path) -> None:
-    token = add_user(file, "ana", "read")
-    app = page_app(parse_build(BUILD), users=PageUsers(file))
-    config = uvicorn.Config(
-        app, port=0, ssl_certfile=certificate[0], ssl_keyfile=certificate[1], log_level="critical", ws="none"
-    )
+@contextmanager
+def https(certificate: tuple[Path, Path], users: PageUsers, most: int | None = None) -> Iterator[tuple[str, int]]:
+    """Serve the page as `pzctl page` does with a certificate, in a thread."""
+    protocol = encrypted_protocol(tls_context(*certificate))
+    app = page_app(parse_build(BUILD), users=users)
+    config = uvicorn.Config(app, port=0, http=protocol, log_level="critical", ws="none", limit_concurrency=most)
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()
     try:
         while not server.started:
             assert thread.is_alive()
-        port = server.servers[0].sockets[0].getsockname()[1]
+        yield server.servers[0].sockets[0].getsockname()
+    finally:
+        server.should_exit = True
+        thread.join()
+
+
+def test_with_a_certificate_the_page_is_served_by_https(certificate: tuple[Path, Path], file: Path) -> None:
+    token = add_user(file, "ana", "read")
+    with https(certificate, PageUsers(file)) as (_, port):
         trust = ssl.create_default_context(cafile=certificate[0])
         asked = urllib.request.Request(f"https://localhost:{port}/?token={token}")
         opener = urllib.request.build_opener(urllib.request.HTTPSHandler(context=trust), _Stay())
         with opener.open(asked) as answer:
             assert "secure" in answer.headers["set-cookie"].lower(), "the token is never sent unencrypted"
-    finally:
-        server.should_exit = True
-        thread.join()
+
+
+def test_a_request_that_comes_with_the_end_of_the_handshake_is_answered_encrypted(
+    certificate: tuple[Path, Path], file: Path
+) -> None:
+    token = add_user(file, "ana", "read")
+    head = ("GET /static/page.css HTTP/1.1", "Host: localhost", f"Authorization: Bearer {token}", "Connection: close")
+    trust, come, go = ssl.create_default_context(cafile=certificate[0]), ssl.MemoryBIO(), ssl.MemoryBIO()
+    client = trust.wrap_bio(come, go, server_hostname="localhost")
+    with https(certificate, PageUsers(file)) as address, socket.create_connection(address, 60) as link:
+        while True:
+            with suppress(ssl.SSLWantReadError):
+                client.do_handshake()
+                break
+            link.sendall(go.read())
+            come.write(link.recv(1 << 16))
+        client.write("\r\n".join((*head, "", "")).encode())
+        link.sendall(go.read())
+        answer = b""
+        ended = False
+        while not ended:
+            come.write(link.recv(1 << 16))
+            with suppress(ssl.SSLWantReadError):
+                while text := client.read():
+                    answer += text
+                ended = True
+    assert answer.startswith(b"HTTP/1.1 200 OK")
+    assert answer.endswith((STATIC / "page.css").read_bytes())
+
+
+def test_idle_connections_make_room_before_their_handshake(certificate: tuple[Path, Path], file: Path) -> None:
+    token = add_user(file, "ana", "read")
+    with https(certificate, PageUsers(file), most=4) as address, ExitStack() as kept:
+        idle = [kept.enter_context(socket.create_connection(address, 60)) for _ in range(5)]
+        assert [link.recv(1) for link in idle[:2]] == [b"", b""], "closed"
+        idle[2].sendall(b"GET / HTTP/1.1\r\n\r\n")  # no handshake
+        while idle[2].recv(100):
+            pass
+        trust = ssl.create_default_context(cafile=certificate[0])
+        asked = urllib.request.Request(f"https://localhost:{address[1]}/", headers={"Authorization": f"Bearer {token}"})
+        with urllib.request.urlopen(asked, context=trust, timeout=60) as answer:  # noqa: S310
+            assert answer.status == 200
 
 
 class _Stay(urllib.request.HTTPRedirectHandler):
@@ -192,8 +242,8 @@ class _Stay(urllib.request.HTTPRedirectHandler):
 
 
 def test_what_is_no_certificate_is_a_sentence(certificate: tuple[Path, Path], tmp_path: Path) -> None:
-    check_certificate(*certificate)
+    tls_context(*certificate)
     with pytest.raises(PageError, match="a certificate and its key are needed"):
-        check_certificate(certificate[1], certificate[0])
+        tls_context(certificate[1], certificate[0])
     with pytest.raises(PageError, match="cannot be read"):
-        check_certificate(tmp_path / "none.pem", certificate[1])
+        tls_context(tmp_path / "none.pem", certificate[1])

@@ -1,5 +1,6 @@
 """Error sentences of the simulated bench for impossible commands and ports."""
 
+import math
 import socket
 import sys
 import threading
@@ -28,6 +29,17 @@ from pzctl.sim.server import SimError, SimOptions, running
             "bench: no sweep waits for an external or manual trigger; TRGS EXT and SING come first",
         ),
         ({"command": "effects", "noise": 1}, "bench: 'noise' is 1; true or false is needed"),
+        (
+            {"command": "effects", "self": 1},
+            "bench: no effect 'self'; there are drift_K_per_s, start_K, lag_s, strain_softening",
+        ),
+        ({"command": "effects", "lag_s": 10**400}, f"bench: lag_s is 1{56 * '0'}...; a number is needed"),
+        ({"command": "power-cycle", "seconds": 10**400}, f"bench: 'seconds' is 1{56 * '0'}...; a number is needed"),
+        ({"command": "power-cycle", "seconds": math.inf}, "bench: 'seconds' is inf; a number is needed"),
+        (
+            {"command": "hidden", "sweep-lag": 10**400},
+            f"bench: sweep-lag is 1{56 * '0'}...; a number from 0 on is needed, in s",
+        ),
         ({"command": "connect", "what": "water"}, "bench: cannot connect 'water'; there are device, open, short, load"),
     ],
 )

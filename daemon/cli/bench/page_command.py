@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from typing import Annotated
+from urllib.parse import quote
 
 import typer
 
@@ -30,7 +31,7 @@ def page(
 
     pzctl page --host 192.168.0.20 --users page-users.toml --tls-cert lab.pem --tls-key lab.key
     """
-    from ...page.page_process import check_certificate, check_installed, free_port, serve
+    from ...page.page_process import check_installed, free_port, serve, tls_context
 
     check_installed()
     from ...files.builds.build_file import THESIS_BUILD, read_build
@@ -49,7 +50,7 @@ def page(
         raise UsageError("--tls-cert and --tls-key belong together: give both, or neither")
     certificate = (tls_cert, tls_key) if tls_cert and tls_key else None
     if certificate:
-        check_certificate(*certificate)
+        tls_context(*certificate)
     page_users = PageUsers(users) if users else None
     device = read_build(build or THESIS_BUILD)
     screen = console(stderr=True)
@@ -61,7 +62,7 @@ def page(
         start(options({"time_scale": 0.02} | settings({"resource": resource})))
     if token is None and page_users is None and not is_loopback(host):
         token = new_token()
-    path = f"/?token={token}" if token else "/"
+    path = f"/?token={quote(token, safe='')}" if token else "/"
     address = f"{'https' if certificate else 'http'}://{host}:{port}{path}"
     print(json.dumps({"page": address}) if as_json else f"page: {address}", flush=True)
     serve(device, host, port, token, users=page_users, certificate=certificate)

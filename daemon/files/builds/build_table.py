@@ -13,6 +13,9 @@ from ....models.base.errors import PzctlError
 from ....models.build import Quantity
 from .file_keys import BELOW, LOSS_SIGN, POSITIVE, REAL, TIED, Entry, Key
 
+LARGEST_WHOLE = 2**53
+"""Largest whole number that every reader of JSON keeps exactly."""
+
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:[#,}]|$)", re.MULTILINE)
 
 
@@ -157,6 +160,8 @@ class Table:
         if not entry.accepts(value):
             allowed = entry.allowed or quoted(entry.choices)
             raise self.error(key, f"is {shown(self.data[key])}; {allowed} is needed")
+        if isinstance(value, int) and value > LARGEST_WHOLE:
+            raise self.error(key, f"is {shown(value)}; a whole number of at most {LARGEST_WHOLE} is needed")
         return value
 
     def quantity(self, key: str, what: Key) -> Quantity:

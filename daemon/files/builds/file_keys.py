@@ -44,10 +44,10 @@ class Entry:
 
     def accepts(self, value: str | float) -> bool:
         """Return whether a value is within the range, and among the choices."""
-        if self.least is not None and (
-            float(value) < self.least or (float(value) == self.least and not self.least_allowed)
-        ):
-            return False
+        if self.least is not None and not isinstance(value, str):
+            above = value >= self.least if self.least_allowed else value > self.least
+            if not above:
+                return False
         return not self.choices or value in self.choices
 
 

@@ -1,18 +1,35 @@
-"""`pzctl page`: the daemon that it starts keeps running, as it says."""
+"""`pzctl page`: its address, and the daemon that it starts."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from chromium import free_port
 
+from pzctl.daemon.cli.bench.page_command import page
 from pzctl.daemon.client.client import connect
+from pzctl.daemon.page import page_process
+from pzctl.daemon.server import launch
 from pzctl.daemon.server.launch import running
 
 PZCTL = Path(sys.executable).with_name("pzctl")
+
+
+def test_the_address_holds_a_token_of_any_characters(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    served: list[str] = []
+    monkeypatch.setattr(page_process, "serve", lambda build, host, port, token, **_: served.append(token))
+    monkeypatch.setattr(launch, "running", lambda: "a daemon")
+    token = "100 % of it & more #1 + ä/?"  # noqa: S105
+    page(port=free_port(), token=token, as_json=True)
+    address = json.loads(capsys.readouterr().out)["page"]
+    assert parse_qs(urlsplit(address).query) == {"token": served} == {"token": [token]}
 
 
 @pytest.mark.system

@@ -126,6 +126,8 @@ def test_all_open_cases_are_read(cases: Path) -> None:
             "thickness_mm = 0.139\npoisson = 0.5",
             "poisson (of layer 'ml1') is 0.5; a number below",
         ),
+        ("value = 16.0", "value = 1e200", "diameter_mm is 1e+200; such a face has inf +- 1.5708e+193 m2, and a finite"),
+        ("points = 801", "points = 1" + "0" * 400, "a whole number of at most 9007199254740992 is needed"),
         ("thickness_mm = 0.139", "thickness_mm = nan", "layers[2].thickness_mm (of layer 'ml1') is nan; a finite"),
         ("thickness_mm = 0.139", "thickness_mm = true", "is true; a number is needed"),
         ("thickness_mm = 0.139", "thickness_mm = '0.139'", "is '0.139'; a number is needed"),

@@ -56,6 +56,7 @@ def test_with_a_token_requests_without_it_are_refused() -> None:
 def test_commands_come_from_the_page_itself() -> None:
     assert ask("/api/cancel", method="POST", origin="http://evil.example")[0] == 403
     assert ask("/api/cancel", method="POST")[0] == 403
+    assert ask("/api/cancel", method="POST", origin="http://[x")[0] == 403, "no address"
     status, _, body = ask("/api/cancel", method="POST", origin="http://127.0.0.1:8294")
     assert (status, b"no daemon runs" in body) == (409, True), "accepted, and answered with a sentence"
 
@@ -200,21 +201,34 @@ def test_a_refusal_says_what_to_do(start_daemon, build: Build) -> None:
         lab.cancel()
 
 
-def test_a_download_has_the_name_of_its_step_whatever_that_is(tmp_path: Path, build: Build) -> None:
-    name = 'm\u00b5"; filename="run.exe'
-    with closing(JournalWriter(tmp_path / "journal")) as journal:
-        steps = (Step(name, ("disk",)),)
-        measurement, _ = journal.begin_measurement("1", replace(build, steps=steps), name)
+def keep_measurement(home: Path, build: Build, step: str) -> str:
+    """Put one measurement with a sweep into the journal and return its id."""
+    with closing(JournalWriter(home / "journal")) as journal:
+        measurement, _ = journal.begin_measurement(step, build, step)
         columns, payload = sweep_columns(Sweep(np.linspace(1e6, 2e6, 5), np.ones(5) + 1j))
         info = InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True)
-        said = {"instrument": info, "build": replace(build, steps=steps), "segment": 1, "segments": 1, "started": ""}
-        sample = SampleStep(build.name, name)
+        said = {"instrument": info, "build": build, "segment": 1, "segments": 1, "started": ""}
+        sample = SampleStep(build.name, step)
         event = SweepEvent(measurement=measurement, sample=sample, settings={}, columns=columns, **said)
         journal.append(event, payload)
         journal.append(StateEvent(state="measured", measurement=measurement, sample=sample))
+    return measurement
+
+
+def test_a_download_has_the_name_of_its_step_whatever_that_is(tmp_path: Path, build: Build) -> None:
+    name = 'm\u00b5"; filename="run.exe'
+    measurement = keep_measurement(tmp_path, replace(build, steps=(Step(name, ("disk",)),)), name)
     status, headers, _ = ask(f"/download/{measurement}/1.csv")
     assert status == 200
     message = Message()
     message["Content-Disposition"] = headers["content-disposition"]
     assert collapse_rfc2231_value(message.get_param("filename", header="Content-Disposition")) == f"{name}-1.csv"
     assert set(headers["content-disposition"]) <= set(map(chr, range(32, 127)))
+
+
+def test_a_download_of_a_sample_with_two_steps_names_its_measurements(tmp_path: Path, build: Build) -> None:
+    ids = [keep_measurement(tmp_path, build, step.name) for step in build.steps[:2]]
+    status, _, body = ask(f"/download/{build.name}/1.csv")
+    said = json.loads(body)["error"]
+    assert status == 404
+    assert f"{build.name} has 2 measurements; ask for the sweeps of one: {ids[0]} ({build.steps[0].name})" in said

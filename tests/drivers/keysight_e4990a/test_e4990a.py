@@ -144,6 +144,37 @@ def test_a_cancelled_sweep_leaves_the_bias_off_and_the_settings_as_found(registe
         )
 
 
+def overrule(analyzer: Analyzer, monkeypatch: pytest.MonkeyPatch, start: str, answer: str) -> None:
+    """Let the instrument carry out every message, and replace the answers to those that begin with `start`."""
+    ask = analyzer._link.ask
+    monkeypatch.setattr(analyzer._link, "ask", lambda m: (ask(m), answer)[m.startswith(start)])
+
+
+def test_the_bias_is_off_after_an_error_whatever_else_cannot_be_restored(
+    sim: Simulator, analyzer: Analyzer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overrule(analyzer, monkeypatch, ":INIT1:CONT OFF", "1")
+    with pytest.raises(Cancelled, match=r"was cancelled .* Besides: .*continuous initiation .* reads back ON"):
+        analyzer.measure(SweepPlan((Segment(1e6, 6e6, 201),), bias_V=5), cancelled=lambda: True)
+    assert say(sim, ":SOUR:BIAS:STAT?") == "0"
+
+
+def test_a_good_sweep_is_kept_where_a_setting_cannot_be_restored(
+    sim: Simulator, analyzer: Analyzer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overrule(analyzer, monkeypatch, ":TRIG:SOUR INT", "BUS")
+    (sweep,) = analyzer.measure(PLAN)
+    assert sweep.frequency.size == 301
+    assert sweep.notes[-1].startswith("The instrument could not be left as found: ")
+    assert "trigger source (:TRIG:SOUR) was set to INT but reads back BUS" in sweep.notes[-1]
+
+
+def test_a_bias_that_stays_on_is_said(analyzer: Analyzer, monkeypatch: pytest.MonkeyPatch) -> None:
+    overrule(analyzer, monkeypatch, ":SOUR:BIAS:STAT OFF", "1")
+    with pytest.raises(InstrumentError, match=r"the DC bias is still ON .* switch it off at the front panel"):
+        analyzer.make_safe()
+
+
 @pytest.mark.parametrize("fault", ["meddle", "cut", "garbage", "drop", "ignore", "power-cycle", "wrong-count"])
 def test_a_fault_gives_an_error_or_the_right_data(sim: Simulator, analyzer: Analyzer, fault: str) -> None:
     (right,) = analyzer.measure(PLAN)

@@ -122,6 +122,14 @@ def test_what_is_no_file_to_read(tmp_path: Path) -> None:
         read_recording(tmp_path / "huge.csv")
 
 
+@pytest.mark.timeout(20)
+def test_a_file_of_very_many_short_lines(tmp_path: Path) -> None:
+    path = tmp_path / "long.csv"
+    path.write_text("frequency_Hz,R_ohm,X_ohm\n" + "".join(f"{k},1,1\n" for k in range(1, 1_500_000)))
+    with pytest.raises(RecordingError, match=r"long\.csv: 1500000 lines are too many; at most 1100000 are allowed"):
+        read_recording(path)
+
+
 def damaged(text: bytes, seed: int) -> bytes:
     """The same file with one to four defects: bytes changed, lost, doubled, swapped, cut, or inserted."""
     rng = random.Random(seed)  # noqa: S311 (no secret)
