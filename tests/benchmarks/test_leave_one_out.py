@@ -108,7 +108,7 @@ FAMILIES = {
 }
 
 
-NOT_PLANTED = ("ageing", "electrode-sheet", "prestress-bolt", "viscous-load")
+NOT_PLANTED = ("ageing", "electrode-sheet", "piezoelectric-dispersion", "prestress-bolt", "viscous-load")
 """Effects that this world cannot plant."""
 
 

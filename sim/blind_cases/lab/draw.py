@@ -34,6 +34,7 @@ FAMILIES = (
     *((1.2, layered.bond), (1.2, layered.void), (1.5, layered.spread), (1.0, layered.surface)),
     *((1.0, layered.lateral), (1.0, layered.loss), (1.2, layered.dielectric), (1.2, layered.face)),
     *((0.5, layered.viscous), (0.7, layered.backing), (1.0, layered.resonance), (0.6, layered.ageing)),
+    (0.6, layered.piezoelectric),
 )
 """Weight and family of every effect that a catalogue may have."""
 
@@ -189,6 +190,7 @@ _OF_COLUMNS = frozenset(
         "surface-layer",
         "loss-dispersion",
         "dielectric-dispersion",
+        "piezoelectric-dispersion",
         "face-load",
         "viscous-load",
         "temperature-drift",

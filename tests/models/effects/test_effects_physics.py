@@ -293,6 +293,22 @@ def test_dispersion_equals_that_of_the_causal_laws() -> None:
     close(Z, lawful(DISK, eps_law=CausalConstantQ(f0)).impedance(F))
 
 
+def test_a_dispersive_coupling_is_at_each_frequency_that_of_a_disk_with_other_constants() -> None:
+    f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
+    slope, strength, at = -0.01, 0.04, 0.7
+    Z = added(
+        "piezoelectric-dispersion", "layer:disk", slope=slope, relaxation=strength, relaxation_frequency=at
+    ).impedance(F)
+    for f, seen in zip(F[::20], Z[::20], strict=True):
+        x = f / f0
+        debye = 1 + strength * (1 / (1 + 1j * x / at) - 1 / (1 + 1j / at))
+        h33 = DISK.h33 * x**-slope * debye
+        kt2 = h33**2 * DISK.eps33S / DISK.c33D
+        X = np.pi * f * DISK.thickness / np.sqrt(DISK.c33D / DISK.density)
+        C0 = DISK.eps33S * AREA / DISK.thickness
+        close(np.array([seen]), np.array([(1 - kt2 * np.tan(X) / X) / (2j * np.pi * f * C0)]), 2e-3)
+
+
 def test_a_spurious_resonance_is_a_series_circuit_parallel_to_the_device() -> None:
     f_k, q, strength = 3.9e6, 50.0, 2e-3
     C0 = DISK.eps33S.real * AREA / DISK.thickness

@@ -198,11 +198,11 @@ def _ceramic(
     for at, q, strength, how in flaws.modes:
         if how == "within":
             c = c * (1 - strength / (1 - (f / at) ** 2 + 1j / q))
-    eps = ceramic.eps33S * x**-ceramic.slope * _relaxed(x, flaws) * moment.permittivity * (1 + aged[2])
-    h: complex | Complexes = ceramic.h33 * (1 + aged[1])
-    if flaws.piezo is not None:
-        size, at = flaws.piezo
-        h = h * (1 + size * (1 / (1 + 1j * x / at) - 1 / (1 + 1j / at)))
+    if flaws.anelastic is not None:
+        size, at = flaws.anelastic
+        c = c * _relaxed(x, (-size, at, 1.0, 1.0))
+    eps = ceramic.eps33S * x**-ceramic.slope * _relaxed(x, flaws.relaxation) * moment.permittivity * (1 + aged[2])
+    h = ceramic.h33 * _relaxed(x, flaws.piezo) * (1 + aged[1])
     whole = ceramic.thickness * factor
     if flaws.surface is None:
         return [Slice(whole, ceramic.density, c, h, eps)]
@@ -224,11 +224,11 @@ def _ceramic(
     return [*layer, rest] if side == "back" else [rest, *reversed(layer)]
 
 
-def _relaxed(x: Reals, flaws: Flaws) -> float | Complexes:
+def _relaxed(x: Reals, relaxation: tuple[float, float, float, float] | None) -> float | Complexes:
     """Return a relaxation of Havriliak and Negami, 1 at f0."""
-    if flaws.relaxation is None:
+    if relaxation is None:
         return 1.0
-    strength, at, alpha, beta = flaws.relaxation
+    strength, at, alpha, beta = relaxation
 
     def of(y: Any) -> Any:
         return strength / (1 + (1j * y / at) ** alpha) ** beta

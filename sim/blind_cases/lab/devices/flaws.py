@@ -92,8 +92,10 @@ class Flaws:
     """The disk has its finite diameter and two-dimensional modes: c11E c12E c13E c44E e31 e15 eps11S/eps0, SI."""
     recorded: str = "as it is"
     """Or `inverted`, `conjugated`."""
-    piezo: tuple[float, float] | None = None
-    """Strength and f0 times its time constant of a relaxation of h33."""
+    piezo: tuple[float, float, float, float] | None = None
+    """A relaxation of h33, as `relaxation`; of either sign."""
+    anelastic: tuple[float, float] | None = None
+    """Strength and frequency over f0 of a Debye relaxation by which c33D rises with frequency."""
     neighbour: tuple[float, float] | None = None
     """A second ceramic wired in parallel: its thickness and its area over those of the first."""
     recording: tuple[str, float, float] | None = None

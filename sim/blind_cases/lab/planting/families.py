@@ -136,7 +136,7 @@ def outside(rng: Random, s: LabDevice) -> Plant:
         "dry contact": (0.02 / w0C0, lambda w, k: w.wired(contact=k), ("series-resistance",)),
         "humid film": (0.02 * w0C0, lambda w, k: w.wired(film=k), ("leakage", "stray-capacitance")),
         "coupled loop": (2e-9, lambda w, k: replace(w, flaws=w.flaws.looped((*loop, k))), ("spurious-resonance",)),
-        "piezo relaxation": (0.02, lambda w, k: w.with_flaws(piezo=(k, 2 * at)), ()),
+        "anelastic relaxation": (0.02, lambda w, k: w.with_flaws(anelastic=(k, 2 * at)), ("loss-dispersion",)),
         "neighbour": (0.03, lambda w, k: w.with_flaws(neighbour=(ratio, k)), _NEIGHBOUR),
         "interference": (0.02, lambda w, k: w.with_flaws(recording=("interference", k, at)), ()),
         "loose contact": (0.02, lambda w, k: w.with_flaws(recording=("loose contact", k, at)), ()),

@@ -151,6 +151,18 @@ def dielectric(rng: Random, s: LabDevice) -> Plant:
     return Plant("dielectric-dispersion", ("layer:disk",), s.steps, put, {"strength": size}, shape, most=6.0)
 
 
+def piezoelectric(rng: Random, s: LabDevice) -> Plant:
+    """Plant a relaxation of h33, of Havriliak and Negami, or of Cole and Cole."""
+    size, at = lognormal(rng, 0.02, 0.6) * (1 if rng.random() < 0.5 else -1), loguniform(rng, 0.3, 3.0)
+    alpha, beta = float(rng.uniform(0.5, 0.9)), float(rng.choice([1.0, 0.7]))
+
+    def put(world: LabWorld, k: float) -> LabWorld:
+        return world.with_flaws(piezo=(size * k, at, alpha, beta))
+
+    shape = {"at": at, "alpha": alpha, "beta": beta}
+    return Plant("piezoelectric-dispersion", ("layer:disk",), s.steps, put, {"strength": size}, shape, most=6.0)
+
+
 def face(rng: Random, s: LabDevice) -> Plant:
     """Plant a pad that a face rests on, or a liquid in front of it."""
     kind = "fluid" if rng.random() < 0.4 else "pad"
