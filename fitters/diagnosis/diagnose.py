@@ -81,7 +81,8 @@ def diagnose(
         fitter,
     )
     try:
-        return _diagnosed(task, wanted)
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a warning is no answer for a user
+            return _diagnosed(task, wanted)
     except np.linalg.LinAlgError as error:
         raise FitError(
             f"the recordings cannot be diagnosed: the equations of a fit have no solution ({error}); check the "

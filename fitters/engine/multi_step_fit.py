@@ -12,6 +12,7 @@ from ...models.sweep import Sweep
 from ..interface import FitError, FitTask, Noise, TaskError
 from .covariance import posterior
 from .descent import Descent, approach, chi2_per_point, settle, thinned, with_model_discrepancy
+from .distinct_recordings import refuse_given_twice
 from .noise import noise_of
 from .objective import Objective
 from .parameters.assembly import (
@@ -64,7 +65,10 @@ class Solution:
 
 
 def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
-    """Return the build and its sweeps in gluing order. Raises FitError if task, build and sweeps do not match."""
+    """Return the build and its sweeps in gluing order.
+
+    Raises FitError if task, build and sweeps do not match, TaskError also if one recording is given twice.
+    """
     if task.build is None:
         raise TaskError("a stack can only be fitted with a build file; only `bvd` needs none")
     known = [step.name for step in task.build.steps]
@@ -74,6 +78,7 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     there = {step: task.sweeps[step] for step in known if task.sweeps.get(step)}
     if not there:
         raise FitError(f"no recording of any step of build {task.build.name!r} was given")
+    refuse_given_twice(there)
     coordinates_of(task.build, there, nominal_parameters(task.build), task.free)
     return task.build, there
 
