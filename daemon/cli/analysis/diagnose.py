@@ -129,12 +129,12 @@ def diagnose(
         print_diagnosis(console(), shown_diagnosis)
         if shown_diagnosis["findings"] or unseen:
             print_constants(console(), diagnosis)
-    if picture is None and as_json:
-        return
     if build is not None and learn and diagnosis.effects:
         append_effects(build, diagnosis.effects)
         names = ", ".join(f"{one.effect} at {one.where}" for one in diagnosis.effects)
         console(stderr=as_json).print(f"written to {build}: {names}; `pzctl fit` uses it", soft_wrap=True)
+    if picture is None and as_json:
+        return
     target = picture or Path(f"{device.name if device else 'device'}-diagnosis.png")
     drawn = diagnosis_picture(shown_diagnosis, diagnosis_curves(diagnosis), device, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)

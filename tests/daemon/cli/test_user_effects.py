@@ -101,7 +101,10 @@ def test_a_diagnosis_of_another_sample_names_it_and_its_build_needs_no_catalogue
     assert at["value"] == pytest.approx(AT, abs=3 * at["u"])
     assert "The permittivity of film relaxes at" in finding["says"]
     monkeypatch.setattr(Learning, "learned", lambda _self, conclusion, _tried: (conclusion, ()))  # that takes 10 s
-    assert run(*words, EFFECTS, "--learn").exit_code == 0
+    learned = run(*words, EFFECTS, "--learn", "--json")
+    assert json.loads(learned.stdout)["verdict"] == "explained"
+    assert "written to S2.toml: relaxation at layer:film" in learned.stderr.replace("learned at", "relaxation at")
+    assert not list(here.glob("*.png"))
     run("effects", "--remove", "relaxation")
     (stated,) = parse_build(Path("S2.toml").read_text(encoding="utf-8")).effects
     assert (stated.effect, stated.quantity, stated.law, stated.reference) == (
