@@ -118,7 +118,15 @@ def diagnose(
     task = FitTask(device, read_steps(stated, accuracy, columns))
     with screen.status("diagnosing") as status:
         diagnosis = run_diagnosis(
-            task, chosen, status.update, hold_out, others, learn, jobs=jobs or available_cores(), fitter=model
+            task,
+            chosen,
+            status.update,
+            hold_out,
+            others,
+            learn,
+            jobs=jobs or available_cores(),
+            fitter=model,
+            refuse_impossible=True,
         )
     if unseen:
         diagnosis = widened(diagnosis)
