@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, entry_points
 
+import numpy as np
+
 from ..models.base.errors import PzctlError
 from ..models.base.names import among
 from .interface import FitResult, FitTask, Fitter
@@ -67,7 +69,8 @@ def run(fitter: Fitter, task: FitTask, progress: Callable[[str], None] = lambda 
     """
     right, turned = put_right(task.sweeps)
     try:
-        result = fitter.fit(replace(task, sweeps=right) if turned else task, progress)
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a warning is no answer for a user
+            result = fitter.fit(replace(task, sweeps=right) if turned else task, progress)
     except (PzctlError, MemoryError):
         raise
     except Exception as error:

@@ -37,9 +37,11 @@ class Sweep:
     time: str = field(default_factory=now_utc)
     """Start of the sweep, RFC 3339, UTC."""
     id: str = ""
-    """uuid7 given by the daemon; the file name for a recording that was read from a file."""
+    """uuid7 given by the daemon; the file name for a recording that was read from a file without such an id."""
     notes: tuple[str, ...] = ()
     """Notes for the user, a sentence each (inverted polarity, memory trace, corrupt date ...)."""
+    file: str = ""
+    """Name of the file that the recording was read from; empty for others."""
 
     def __post_init__(self) -> None:
         f = np.array(self.frequency, dtype=np.float64, order="C")
@@ -68,6 +70,11 @@ class Sweep:
                 f"{where}: frequency of point {k + 2} ({f[k + 1]:.12g} Hz) {word} that of point {k + 1} "
                 f"({f[k]:.12g} Hz); frequencies must rise strictly"
             )
+
+    @property
+    def name(self) -> str:
+        """What messages call the recording: its file, else its id; empty if it has neither."""
+        return self.file or self.id
 
     @property
     def admittance(self) -> Impedances:

@@ -19,6 +19,7 @@ from ...fitters.engine.parameters.assembly import stack_of
 from ...fitters.engine.parameters.overrides import Amendments, amended
 from ...fitters.interface import Constant, FitResult, FitTask, Options, TaskError
 from ...fitters.plugins import DEFAULT, load_fitter, run
+from ...fitters.user_effects import find_any_effect
 from ...models.build import Build
 from ...models.stack import Stack
 from ...models.sweep import Sweep
@@ -38,6 +39,7 @@ Recording: TypeAlias = Sweep | str | Path
 Recordings: TypeAlias = Recording | Sequence[Recording]
 """One or more; several are repeats or further segments."""
 
+_NEEDED = "{step: recording} is needed, for example {'disk': 'disk.csv'}"
 _WIDTH = 120
 """Characters of a line of a table."""
 
@@ -191,15 +193,15 @@ def fit(
     RecordingError, PluginError or BuildError with one sentence.
     """
     changes = Amendments(
-        tuple(hold),
+        _names("hold", hold),
         tuple((tie or {}).items()),
-        tuple((name, *numbers) for name, numbers in (prior or {}).items()),
-        tuple((name, *numbers) for name, numbers in (bound or {}).items()),
+        _pairs("prior", "value and standard uncertainty", prior or {}),
+        _pairs("bound", "lowest and highest value", bound or {}),
     )
     if build is None and changes != Amendments():
         raise TaskError("hold, tie, prior and bound name constants of a build; give a build as well")
     known = None if build is None else amended(_build(build), changes)
-    names = None if free is None else tuple(free)
+    names = None if free is None else _names("free", free)
     task = FitTask(known, _sweeps(recordings), names, Options(objective, uncertainty, procedure))
     return FitAnalysis(run(load_fitter(fitter), task), known)
 
@@ -217,13 +219,16 @@ def diagnose(
 
     `effects`: the effects to consider; None for all of the catalogue. `learn`: whether to look for a law of what none
     of them explains. `fitter`: whose model is diagnosed, `mason` or, for what is no stack, `radial`, `disk`, `disk2d`
-    or `bvd`; only `bvd` needs no build. Uses all cores. Raises FitError, RecordingError, EffectError, PluginError or
-    BuildError with one sentence.
+    or `bvd`; only `bvd` needs no build. Uses all cores. Raises FitError, TaskError, RecordingError, EffectError,
+    PluginError or BuildError with one sentence.
     """
     known = None if build is None else _build(build)
+    chosen = None if effects is None else tuple(find_any_effect(name).name for name in _names("effects", effects))
     task = FitTask(known, _sweeps(recordings))
     model = fitter_to_diagnose(fitter)
-    found = run_diagnosis(task, effects, progress, learn=learn, jobs=available_cores(), fitter=model)
+    found = run_diagnosis(
+        task, chosen, progress, learn=learn, jobs=available_cores(), fitter=model, refuse_impossible=True
+    )
     return DiagnosisAnalysis(found, known)
 
 
@@ -239,9 +244,30 @@ def _build(build: Build | str | Path) -> Build:
     return build if isinstance(build, Build) else read_build(build)
 
 
+def _names(option: str, given: Iterable[str]) -> tuple[str, ...]:
+    """Return names as a tuple. Raises TaskError for a text, whose letters would be taken as names."""
+    if isinstance(given, str):
+        raise TaskError(f"{option} is the text {given!r}; a list of names is needed, for example [{given!r}]")
+    return tuple(given)
+
+
+def _pairs(option: str, needed: str, given: Mapping[str, Any]) -> tuple[tuple[str, float, float], ...]:
+    """Return the names with their two numbers. Raises TaskError for anything else."""
+    pairs: list[tuple[str, float, float]] = []
+    for name, numbers in given.items():
+        try:
+            first, second = numbers
+            pairs.append((name, float(first), float(second)))
+        except (TypeError, ValueError):
+            raise TaskError(f"{option} of {name!r} is {numbers!r}; two numbers are needed, {needed}, SI") from None
+    return tuple(pairs)
+
+
 def _sweeps(recordings: Mapping[str, Recordings]) -> dict[str, tuple[Sweep, ...]]:
+    if not isinstance(recordings, Mapping):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise TaskError(f"recordings is {recordings!r}; {_NEEDED}")
     if not recordings:
-        raise TaskError("no recording is given; {step: recording} is needed, for example {'disk': 'disk.csv'}")
+        raise TaskError(f"no recording is given; {_NEEDED}")
     return {step: _all(of_step) for step, of_step in recordings.items()}
 
 

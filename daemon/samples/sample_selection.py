@@ -138,7 +138,7 @@ def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
         return Sample(folder.name, None, str(error))
     strange = [path for path, step in of_file.items() if step is None]
     notes = [f"{path}: its name begins with none of the steps {', '.join(steps)}; it is left out" for path in strange]
-    notes += [f"{sweep.id}: {note}" for of_step in sweeps.values() for sweep in of_step for note in sweep.notes]
+    notes += [f"{sweep.name}: {note}" for of_step in sweeps.values() for sweep in of_step for note in sweep.notes]
     there: dict[str, tuple[Sweep, ...]] = {step: of_step for step, of_step in sweeps.items() if of_step}
     if not there:
         error = (

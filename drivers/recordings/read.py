@@ -1,5 +1,6 @@
 """Reading a recording in any format, which is determined by the file's extension and content."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from ...models.sweep import Sweep
@@ -23,12 +24,13 @@ def read_recording(path: Path, columns: str | None = None) -> Sweep:
     the project's own CSV, distinguished by their first lines. `.s1p`, `.z1p`, `.y1p`: Touchstone 1. `.nc`, `.h5`,
     `.hdf5`: NetCDF 3 and HDF5 written by pzctl.
     """
-    return _read(path, columns)[0]
+    return replace(_read(path, columns)[0], file=path.name)
 
 
 def read_memory_trace(path: Path) -> Sweep | None:
     """Read the memory trace of a recording, or return None if none was saved. Raises RecordingError."""
-    return _read(path)[1]
+    memory = _read(path)[1]
+    return None if memory is None else replace(memory, file=f"{path.name}@memory")
 
 
 def _read(path: Path, columns: str | None = None) -> tuple[Sweep, Sweep | None]:

@@ -58,6 +58,7 @@ def diagnose(
     known: Sequence[BenchEffect] = (),
     jobs: int = 1,
     fitter: Diagnosable | None = None,
+    refuse_impossible: bool = False,
 ) -> Diagnosis:
     """Diagnose where recordings and model differ, which physics is missing, and what cannot be decided.
 
@@ -66,9 +67,10 @@ def diagnose(
     whether to look for a law of what no effect of the catalogue explains. `known` are effects at the terminals that all
     samples of the bench have: they are part of every hypothesis. `jobs`: number of processes that fit hypotheses at the
     same time; the result does not depend on it. `fitter`: whose model is diagnosed, in place of the stack; effects
-    inside of a device are no candidates then, and laws are not learned. Raises FitError if the recordings cannot be
-    fitted or contain no such data to hold out, TaskError for effects that the fitter's model cannot have, EffectError
-    for an unknown effect.
+    inside of a device are no candidates then, and laws are not learned. `refuse_impossible`: whether an effect of
+    `effects` without a place in the build is refused, rather than left out as for one of many samples. Raises FitError
+    if the recordings cannot be fitted or contain no such data to hold out, TaskError for effects that the model cannot
+    have.
     """
     wanted = _Wanted(
         _possible(effects, fitter),
@@ -79,9 +81,11 @@ def diagnose(
         tuple(known),
         jobs,
         fitter,
+        refuse_impossible,
     )
     try:
-        return _diagnosed(task, wanted)
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # a warning is no answer for a user
+            return _diagnosed(task, wanted)
     except np.linalg.LinAlgError as error:
         raise FitError(
             f"the recordings cannot be diagnosed: the equations of a fit have no solution ({error}); check the "
@@ -98,6 +102,8 @@ def _diagnosed(task: FitTask, wanted: "_Wanted") -> Diagnosis:
     progress("fitting without effects")
     task = replace(task, sweeps=gated.sweeps)
     problem, choice = _posed(Problem.posed(task, progress, fitter, wanted.hold_out), wanted)
+    if wanted.refuse_impossible:
+        _refuse_impossible(wanted, choice, problem.steps)
     search = _search(problem, choice, wanted)
     bare = search.begin()
     disk = _FiniteDiameter(task, wanted, problem, search, bare) if _may_show_its_rim(task, fitter, choice) else None
@@ -122,6 +128,7 @@ class _Wanted:
     known: tuple[BenchEffect, ...]
     jobs: int
     fitter: Diagnosable | None
+    refuse_impossible: bool
 
 
 def _posed(bare: Problem, wanted: _Wanted) -> tuple[Problem, tuple[Candidate, ...]]:
@@ -320,6 +327,17 @@ def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tupl
                 f"have {', '.join(outside)}"
             )
     return named
+
+
+def _refuse_impossible(wanted: _Wanted, choice: Sequence[Candidate], steps: Sequence[str]) -> None:
+    """Raise TaskError if an effect that was asked for has no place in these steps, or is there already."""
+    tested = {one.effect.name for one in choice} | {one.name for one in wanted.known}
+    for name in wanted.effects or ():
+        if name not in tested:
+            raise TaskError(
+                f"effect {name!r} cannot be tested here: step {', '.join(steps)} has no place for it, or the build "
+                f"states it already; `pzctl effects` lists the places"
+            )
 
 
 def _smallness(one: Finding) -> float:

@@ -5,13 +5,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from ...models.base.arrays import Reals
 from ...models.build import Build, LayerSpec
 from ...models.effects.base.effect import TERMINALS
 from ...models.sweep import Sweep
-from ..interface import FitError, FitTask, Noise, TaskError
+from ..interface import UNCOMPUTABLE, FitError, FitTask, Noise, TaskError
 from .covariance import posterior
 from .descent import Descent, approach, chi2_per_point, settle, thinned, with_model_discrepancy
+from .distinct_recordings import refuse_given_twice
 from .noise import noise_of
 from .objective import Objective
 from .parameters.assembly import (
@@ -28,6 +31,7 @@ from .parameters.coordinates import Coordinates
 from .recording import Posterior, Prior, Recording, rms
 from .refine import refined
 from .start import disk_starts, distinct, spread_starts
+from .swapped_steps import WRONG, refuse_swapped
 
 _DESCENTS, _MOST_DESCENTS = 3, 12
 _CLOSE = 10.0
@@ -64,7 +68,10 @@ class Solution:
 
 
 def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
-    """Return the build and its sweeps in gluing order. Raises FitError if task, build and sweeps do not match."""
+    """Return the build and its sweeps in gluing order.
+
+    Raises FitError if task, build and sweeps do not match, TaskError also if one recording is given twice.
+    """
     if task.build is None:
         raise TaskError("a stack can only be fitted with a build file; only `bvd` needs none")
     known = [step.name for step in task.build.steps]
@@ -74,6 +81,7 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     there = {step: task.sweeps[step] for step in known if task.sweeps.get(step)}
     if not there:
         raise FitError(f"no recording of any step of build {task.build.name!r} was given")
+    refuse_given_twice(there)
     coordinates_of(task.build, there, nominal_parameters(task.build), task.free)
     return task.build, there
 
@@ -100,7 +108,14 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     for step, of_step in sweeps.items():
         progress(f"fitting {step}")
         here = recordings_of(build, step, of_step, noise_by_step[step][1])
-        stepwise.go(step, [replace(recording, weighting=weighting) for recording in here])
+        ended = stepwise.tried(step, [replace(recording, weighting=weighting) for recording in here])
+        if ended is not None or stepwise.left > WRONG:
+            refuse_swapped(sweeps, step, np.inf if ended else stepwise.left, lambda other: _left_by(task, other))
+        if ended is not None:
+            raise FitError(
+                f"the fit of step {step!r} ended where there is no such device ({ended}); check that its recording is "
+                "of this step, and the layers of the build"
+            ) from ended
     if stepwise.descent is None:
         raise FitError(f"no recording of any step of build {build.name!r} was given")
     whole = () if task.options.procedure == "joint" else tuple(stepwise.recordings)
@@ -108,6 +123,15 @@ def solve(task: FitTask, progress: Callable[[str], None]) -> Solution:
     return Solution(
         build, noises, stepwise.descent, stepwise.begun, stepwise.evaluations, seconds, whole, tuple(stepwise.frozen)
     )
+
+
+def _left_by(task: FitTask, sweeps: Mapping[str, tuple[Sweep, ...]]) -> float:
+    """Return the RMS log error that a fit of other recordings leaves; infinite if it fails."""
+    try:
+        solution = solve(replace(task, sweeps=sweeps, free=None), lambda _: None)
+        return rms(*solution.judged.log_ratios(solution.descent.x))
+    except UNCOMPUTABLE:
+        return np.inf
 
 
 class _StepwiseFit:
@@ -121,6 +145,21 @@ class _StepwiseFit:
         self.frozen: list[Descent] = []
         self.evaluations = 0
         self.descent: Descent | None = None
+
+    @property
+    def left(self) -> float:
+        """RMS log error of the last fit; infinite if there is none."""
+        return np.inf if self.descent is None else _rms(self.descent.objective, self.descent.x)
+
+    def tried(self, step: str, here: Sequence[Recording]) -> Exception | None:
+        """Fit one more step; return the error if the fit ended where it cannot be computed. Raises FitError."""
+        try:
+            self.go(step, here)
+        except FitError:
+            raise
+        except UNCOMPUTABLE as error:
+            return error
+        return None
 
     def go(self, step: str, here: Sequence[Recording]) -> None:
         """Fit one more step. Raises FitError."""

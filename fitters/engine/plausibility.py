@@ -99,9 +99,9 @@ def _capacitance(build: Build, step: str, connection: str) -> float:
 
 def _named(step: str, sweep: Sweep) -> str:
     """Return what a sentence calls a recording: its file; or its step, and the number that a daemon gave it."""
-    if not sweep.id:
+    if not sweep.name:
         return f"the recording of step {step!r}"
-    return f"recording {sweep.id} of step {step!r}" if _NUMBER.fullmatch(sweep.id) else sweep.id
+    return f"recording {sweep.name} of step {step!r}" if _NUMBER.fullmatch(sweep.name) else sweep.name
 
 
 def _refuse_sign(name: str, sweep: Sweep) -> None:

@@ -104,7 +104,7 @@ def disk_starts(sweep: Sweep, thickness: float, density: float, area: float) -> 
     if not starts:
         f = sweep.frequency
         raise FitError(
-            f"{sweep.id or 'the recording'} shows no resonance with an antiresonance above it between "
+            f"{sweep.name or 'the recording'} shows no resonance with an antiresonance above it between "
             f"{f[0] / 1e6:.4g} and {f[-1] / 1e6:.4g} MHz; a band that holds at least one pair is needed"
         )
     return sorted(starts, key=lambda start: start.misfit)

@@ -47,7 +47,7 @@ def _starts(sweep: Sweep) -> list[Lumped]:
     free = float(np.median(sweep.admittance.imag / w))
     if free <= 0:
         raise FitError(
-            f"{sweep.id or 'the recording'} is not capacitive: the median of B/w is {free:.3g} F; "
+            f"{sweep.name or 'the recording'} is not capacitive: the median of B/w is {free:.3g} F; "
             "a piezoelectric device off resonance is a capacitor, so the polarity or the wiring is wrong"
         )
     circuits: list[Lumped] = []
@@ -58,7 +58,7 @@ def _starts(sweep: Sweep) -> list[Lumped]:
         Q = max(3.0, peak / (2 * np.pi * fs * C0 * ratio))
         circuits.append(Lumped(C0, (Branch.from_resonance(fs, Q, C0 * ratio),), tan_delta=5e-3))
     if not circuits:
-        raise FitError(f"{sweep.id or 'the recording'} shows no resonance with an antiresonance above it")
+        raise FitError(f"{sweep.name or 'the recording'} shows no resonance with an antiresonance above it")
     return circuits[:_PAIRS]
 
 
@@ -182,7 +182,7 @@ class ButterworthVanDyke:
         branch = circuit.branches[_strongest_first(best)[0] - 1]
         ratio = branch.C / circuit.C0
         return FitResult(
-            build=task.build.name if task.build is not None else (sweep.id or "recording"),
+            build=task.build.name if task.build is not None else (sweep.name or "recording"),
             fitter=self.name,
             version=self.version,
             steps=(step,),

@@ -6,9 +6,10 @@ W. P. Mason, Electromechanical Transducers and Wave Filters (1942); the closed f
 from collections.abc import Callable
 from dataclasses import replace
 
+from ...models.stack import StackError
 from ..engine.multi_step_fit import check_task, solve
 from ..engine.plausibility import doubts, refuse_degenerate
-from ..interface import FitResult, FitTask
+from ..interface import FitError, FitResult, FitTask
 from ..uncertainty.fit_result import least_squares_answer
 from .coupling import solve_coupling
 from .wiring import wiring_doubts
@@ -36,7 +37,13 @@ class Mason:
         refuse_degenerate(build, sweeps)
         coupled = task.options.objective == "kt2"
         solution = solve_coupling(task, progress) if coupled else solve(task, progress)
-        answer = least_squares_answer(self.name, self.version, solution, task.options)
+        try:
+            answer = least_squares_answer(self.name, self.version, solution, task.options)
+        except StackError as error:
+            raise FitError(
+                f"the fit ended where there is no such device ({error}); check that each recording is of its step, and "
+                "the layers of the build"
+            ) from error
         rewired = () if coupled else wiring_doubts(task, answer.rms_log_error)
         doubted = rewired or doubts(build, sweeps, answer.constants, answer.derived, answer.rms_log_error)
         return replace(answer, says=(*doubted, *answer.says, *((_COUPLED,) if coupled else ())))

@@ -4,17 +4,21 @@ import math
 import re
 
 _EXPONENT = re.compile(r"e(?:\+|(-))0*(\d+)")
+_PRECISION = 1e-14
+"""Part of a value below which an uncertainty says nothing: a double has 15 digits."""
+_LEAST = 1e-300
+"""Uncertainties below this are zero."""
 
 
 def with_uncertainty(value: float, u: float | None) -> str:
     """Return `1.514(3)e11`: the digits in brackets are the standard uncertainty of the last digits shown.
 
-    The uncertainty gets one digit, or two if its first digit is 1. A value without an uncertainty, or with one of 0,
-    gets six significant digits; one that is not finite is `-`.
+    The uncertainty gets one digit, or two if its first digit is 1. A value without an uncertainty, or with one of 0 or
+    below the precision of its number, gets six significant digits; one that is not finite is `-`.
     """
     if not math.isfinite(value):
         return "-"
-    if u is None or u == 0 or not math.isfinite(u):
+    if u is None or not max(_PRECISION * abs(value), _LEAST) < u < math.inf:
         return _EXPONENT.sub(r"e\1\2", f"{value:.6g}")
     digits = _digits(u)
     size = int(f"{u:.{digits - 1}e}".partition("e")[2])  # after rounding: 0.0998 is 0.10

@@ -181,5 +181,5 @@ def _sides(recordings: list[Path], before: list[Path], after: list[Path]) -> tup
 def _read(path: Path, columns: str | None) -> "Sweep":
     sweep = read_trace(path, columns)
     for note in sweep.notes:
-        print(shown(f"note: {sweep.id}: {note}"), file=sys.stderr)
+        print(shown(f"note: {sweep.name}: {note}"), file=sys.stderr)
     return sweep

@@ -118,7 +118,15 @@ def diagnose(
     task = FitTask(device, read_steps(stated, accuracy, columns))
     with screen.status("diagnosing") as status:
         diagnosis = run_diagnosis(
-            task, chosen, status.update, hold_out, others, learn, jobs=jobs or available_cores(), fitter=model
+            task,
+            chosen,
+            status.update,
+            hold_out,
+            others,
+            learn,
+            jobs=jobs or available_cores(),
+            fitter=model,
+            refuse_impossible=True,
         )
     if unseen:
         diagnosis = widened(diagnosis)
@@ -129,12 +137,12 @@ def diagnose(
         print_diagnosis(console(), shown_diagnosis)
         if shown_diagnosis["findings"] or unseen:
             print_constants(console(), diagnosis)
-    if picture is None and as_json:
-        return
     if build is not None and learn and diagnosis.effects:
         append_effects(build, diagnosis.effects)
         names = ", ".join(f"{one.effect} at {one.where}" for one in diagnosis.effects)
         console(stderr=as_json).print(f"written to {build}: {names}; `pzctl fit` uses it", soft_wrap=True)
+    if picture is None and as_json:
+        return
     target = picture or Path(f"{device.name if device else 'device'}-diagnosis.png")
     drawn = diagnosis_picture(shown_diagnosis, diagnosis_curves(diagnosis), device, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)

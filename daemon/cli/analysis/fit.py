@@ -56,7 +56,7 @@ def read_steps(
     for of_step in sweeps.values():
         for sweep in of_step:
             for note in sweep.notes:
-                print(shown(f"note: {sweep.id}: {note}"), file=sys.stderr)
+                print(shown(f"note: {sweep.name}: {note}"), file=sys.stderr)
     if accuracy_percent is None:
         return sweeps
     told = {"accuracy": accuracy_percent / 100}

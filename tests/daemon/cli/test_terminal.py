@@ -64,6 +64,8 @@ def test_quiet_does_not_change_standard_output() -> None:
         (2.8e6, 0.0, "2.8e6"),
         (-1.25e-10, None, "-1.25e-10"),
         (float("nan"), 1.0, "-"),
+        (2.6881171418161353692e43, 7e-27, "2.68812e43"),  # beyond the precision of a double
+        (1.0, 5e-324, "1"),
     ],
 )
 def test_numbers_are_formatted_with_their_uncertainty(value: float, u: float | None, written: str) -> None:
@@ -72,7 +74,12 @@ def test_numbers_are_formatted_with_their_uncertainty(value: float, u: float | N
 
 @pytest.mark.parametrize(
     ("re", "words", "verdict"),
-    [(101.0, "+1.0 % (0.7 u)", "near"), (102.0, "+2.0 % (1.4 u)", "off"), (104.0, "+4.0 % (2.8 u)", "far")],
+    [
+        (101.0, "+1.0 % (0.7 u)", "near"),
+        (1e45, "+1.0e+45 % (7.1e+44 u)", "far"),
+        (102.0, "+2.0 % (1.4 u)", "off"),
+        (104.0, "+4.0 % (2.8 u)", "far"),
+    ],
 )
 def test_a_deviation_counts_in_uncertainties_of_both(re: float, words: str, verdict: str) -> None:
     assert deviation(re, 1.0, Quantity(100.0, u=1.0), free=True) == (words, verdict)

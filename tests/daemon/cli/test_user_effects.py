@@ -93,14 +93,17 @@ def test_a_diagnosis_of_another_sample_names_it_and_its_build_needs_no_catalogue
     run("effects", "--add", "law.toml", "relaxation")
     recorded()
     monkeypatch.setattr(Learning, "learned", lambda _self, conclusion, _tried: (conclusion, ()))  # that takes 10 s
-    words = ("--jobs", "1", "--effects", EFFECTS, "--learn", "--json", "--picture", "S2.png")
-    (finding,) = json.loads(run("diagnose", "--build", "S2.toml", "disk=S2.csv", *words).stdout)["findings"]
+    words = ("--jobs", "1", "--effects", EFFECTS, "--learn", "--json")
+    told = run("diagnose", "--build", "S2.toml", "disk=S2.csv", *words)
+    (finding,) = json.loads(told.stdout)["findings"]
     assert (finding["effect"], finding["where"]) == ("relaxation", "layer:film")
     assert finding["probability"] > 0.85
     size, at = finding["parameters"]["size"], finding["parameters"]["at"]
     assert size["value"] == pytest.approx(STRENGTH, abs=3 * size["u"])
     assert at["value"] == pytest.approx(AT, abs=3 * at["u"])
     assert "The permittivity of film relaxes at" in finding["says"]
+    assert "written to S2.toml: relaxation at layer:film" in told.stderr.replace("learned at", "relaxation at")
+    assert not list(here.glob("*.png"))
     run("effects", "--remove", "relaxation")
     (stated,) = parse_build(Path("S2.toml").read_text(encoding="utf-8")).effects
     assert (stated.effect, stated.quantity, stated.law, stated.reference) == (

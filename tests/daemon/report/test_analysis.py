@@ -11,6 +11,7 @@ import pzctl
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
 from pzctl.drivers.recordings.write import write_csv
 from pzctl.fitters.interface import Constant, TaskError
+from pzctl.models.effects import EffectError
 
 GUIDE = Path(__file__).parents[3] / "docs" / "python.md"
 LEAD = 2e-8
@@ -105,3 +106,39 @@ def test_every_unit_is_one_of_pint(registry: Any, unit: str, other: str, factor:
     lossy = Constant(2.0, 0.5, 0.1, 0.1, unit).quantity(registry)
     assert lossy.to(other).magnitude == pytest.approx((2 + 0.5j) * factor)
     assert isinstance(Constant(2.0, 0.0, 0.1, 0.0, unit).quantity(registry).magnitude, float)
+
+
+@pytest.mark.parametrize(
+    ("recordings", "options", "says"),
+    [
+        ("disk.csv", {}, "recordings is 'disk.csv'; {step: recording} is needed"),
+        (None, {"prior": {"disk.c33D": 1e11}}, "prior of 'disk.c33D' is 100000000000.0; two numbers are needed, value"),
+        (None, {"bound": {"disk.c33D": (1e11, None)}}, "bound of 'disk.c33D' is (100000000000.0, None); two numbers"),
+        (None, {"free": "disk.c33D"}, "free is the text 'disk.c33D'; a list of names is needed, for example ['disk."),
+        (None, {"hold": "area"}, "hold is the text 'area'; a list of names is needed"),
+    ],
+)
+def test_a_slip_in_a_call_is_one_sentence(
+    guide: dict[str, Any], recordings: Any, options: dict[str, Any], says: str
+) -> None:
+    with pytest.raises(TaskError, match=f"^{re.escape(says)}"):
+        pzctl.fit(guide["folder"] / "build.toml", recordings or {"disk": guide["folder"] / "disk.csv"}, **options)
+
+
+@pytest.mark.parametrize(
+    ("effects", "kind", "says"),
+    [
+        (["foo"], EffectError, "effect 'foo' is not known"),
+        ("cable", TaskError, "effects is the text 'cable'; a list of names is needed"),
+        (
+            ["cable", "bond-layer"],
+            TaskError,
+            "effect 'bond-layer' cannot be tested here: step disk has no place",
+        ),
+    ],
+)
+def test_an_effect_that_cannot_be_tested_is_refused(
+    guide: dict[str, Any], effects: Any, kind: type[Exception], says: str
+) -> None:
+    with pytest.raises(kind, match=f"^{says}"):
+        pzctl.diagnose(guide["folder"] / "build.toml", {"disk": guide["folder"] / "disk.csv"}, effects=effects)

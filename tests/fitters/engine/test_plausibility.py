@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pzctl.daemon.files.builds.build_file import parse_build, read_build
-from pzctl.drivers.recordings import read_recording
+from pzctl.drivers.recordings import read_recording, write_csv
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitError, FitResult, FitTask
 from pzctl.fitters.layered.mason import Mason
@@ -63,6 +63,13 @@ def test_a_degenerate_recording(
         fit(cases, sweep)
     assert sentence in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_recording_with_an_id_is_named_by_its_file(cases: Path, good: Sweep, tmp_path: Path) -> None:
+    made = replace(good, impedance=8 * good.impedance, id="01a2218b-418a-76d3-a88b-4788abee238d")
+    write_csv(made, tmp_path / "exported.csv")
+    with pytest.raises(FitError, match=r"^exported.csv: the median \|Z\| is"):
+        fit(cases, read_recording(tmp_path / "exported.csv"))
 
 
 def test_a_recording_of_a_daemon_is_called_by_its_step(cases: Path, good: Sweep) -> None:
