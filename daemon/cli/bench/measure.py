@@ -382,11 +382,11 @@ def _show(result: "FitResult", build: "Build", ended: float, console: "Console",
 
 def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console") -> None:
     """Print the deviation of the last fit from the simulated device's true constants, in stated uncertainties."""
-    from rich.table import Table
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
 
-    table = Table(title="Fitted constants compared with the simulated bench's true ones", title_justify="left")
-    for column in ("constant", "fitted", "true", "error", "|error|/u"):
-        table.add_column(column, justify="left" if column == "constant" else "right")
+    numbers = (Column(head, justify="right") for head in ("fitted", "true", "error", "|error|/u"))
+    title = "Fitted constants compared with the simulated bench's true ones"
+    table = UnbrokenTable("constant", *numbers, title=title)
     for name, fitted in fit["constants"].items():
         for part in ("re", "im"):
             true, value, u = truth.get(name, {}).get(part), fitted[part], fitted[f"u_{part}"]

@@ -52,15 +52,14 @@ def trend(
         print(json.dumps({"sample": sample, "against": against, "constants": constants_json}))
         return
     from rich.box import SIMPLE_HEAD
-    from rich.table import Table
 
     from ....models.base.uncertain_numbers import with_uncertainty
+    from ...report.tables.unbroken_table import UnbrokenTable
 
-    shown = Table(header_style="bold", box=SIMPLE_HEAD)
     powers = [f"a{k + 1}, 1e-6/{against}{'' if k == 0 else f'^{k + 1}'}" for k in range(degree)]
     library = ["library's a1"] if any(one[0] in published for one in series) else []
-    for column in ("constant", "n", f"at {reference:g}", "unit", *powers, "scatter", *library):
-        shown.add_column(column)
+    columns = ("constant", "n", f"at {reference:g}", "unit", *powers, "scatter", *library)
+    shown = UnbrokenTable(*columns, box=SIMPLE_HEAD)
     for name, unit, _, _, _, found in series:
         changes = [with_uncertainty(1e6 * a.value, 1e6 * a.u) for a in found.relative]
         value = with_uncertainty(found.value.value, found.value.u)

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 from rich.console import Console
-from rich.table import Table
 
 from ....fitters.interface import FitResult, Share
+from .unbroken_table import Column, UnbrokenTable
 
 
 def print_budget(console: Console, result: FitResult) -> None:
@@ -14,11 +14,10 @@ def print_budget(console: Console, result: FitResult) -> None:
     if budget is None:
         console.print(f"{result.fitter} gives no uncertainty budget for this fit", style="yellow", highlight=False)
         return
-    table = Table(header_style="bold", title="uncertainty budget, standard uncertainties")
-    table.add_column("constant")
-    for column in ("noise", "instrument", "model", "dimensions", "data sheets", "assumptions (not in u)"):
-        table.add_column(column, justify="right")
-    table.add_column("largest, beside noise")
+    kinds = ("noise", "instrument", "model", "dimensions", "data sheets", "assumptions (not in u)")
+    parts = (Column(kind, justify="right") for kind in kinds)
+    title = "uncertainty budget, standard uncertainties"
+    table = UnbrokenTable("constant", *parts, Column("largest, beside noise", prose=True), title=title)
     _rows(table, result, budget.re, "")
     _rows(table, result, budget.im, " (im)")
     console.print(table)
@@ -27,7 +26,7 @@ def print_budget(console: Console, result: FitResult) -> None:
         console.print(f"held constants, not in u (SI units): {tolerances}", highlight=False)
 
 
-def _rows(table: Table, result: FitResult, shares: Mapping[str, Share], suffix: str) -> None:
+def _rows(table: UnbrokenTable, result: FitResult, shares: Mapping[str, Share], suffix: str) -> None:
     for name, share in shares.items():
         constant = result.constants.get(name)
         if constant is None:

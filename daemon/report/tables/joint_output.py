@@ -6,7 +6,6 @@ from typing import Any
 import msgspec
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from ....fitters.diagnosis.decision_rules import NAMED
 from ....fitters.population.joint_diagnosis import JointDiagnosis, Recurring
@@ -16,6 +15,7 @@ from ....models.effects import find_effect
 from ....models.effects.base.effect import TERMINALS
 from .diagnosis_output import diagnosis_json
 from .population_table import population_json, population_table
+from .unbroken_table import Column, UnbrokenTable
 
 _FIXTURE = "fixture-residual"
 _TOLD = 0.01
@@ -130,24 +130,21 @@ def _recurring(one: Recurring) -> str:
     )
 
 
-def _size_table(one: SharedEffect) -> Table:
+def _size_table(one: SharedEffect) -> UnbrokenTable:
     """Return a table of a shared effect's size from each sample alone."""
     name, size = next(iter(one.parameters.items()))
-    table = Table(
-        title=f"{one.effect}, {name} by each sample alone", title_justify="left", header_style="bold", box=SIMPLE_HEAD
-    )
-    for column in ("sample", f"{name}, {size.unit}", "ln evidence alone"):
-        table.add_column(column, justify="left" if column == "sample" else "right")
+    alone = (Column(head, justify="right") for head in (f"{name}, {size.unit}", "ln evidence alone"))
+    title = f"{one.effect}, {name} by each sample alone"
+    table = UnbrokenTable("sample", *alone, title=title, box=SIMPLE_HEAD)
     for sample, (value, u) in one.sizes.items():
         table.add_row(sample, with_uncertainty(value, u), f"{one.alone.get(sample, float('nan')):+.1f}")
     table.add_row("together", with_uncertainty(size.value, size.u), f"{one.gain:+.1f}", style="bold")
     return table
 
 
-def _own_table(joint: JointDiagnosis) -> Table:
-    table = Table(title="Each sample's own", title_justify="left", header_style="bold", box=SIMPLE_HEAD)
-    for column in ("sample", "verdict", "its own findings", "left of ln Z"):
-        table.add_column(column, overflow="fold")
+def _own_table(joint: JointDiagnosis) -> UnbrokenTable:
+    findings = Column("its own findings", prose=True)
+    table = UnbrokenTable("sample", "verdict", findings, "left of ln Z", title="Each sample's own", box=SIMPLE_HEAD)
     for sample, one in joint.own.items():
         findings = ", ".join(f"{f.effect} at {f.where} ({f.probability:.2f})" for f in one.findings)
         left = "-" if one.remaining is None else f"{100 * one.remaining.total:.2g} %"

@@ -266,7 +266,7 @@ def test_the_table_shows_a_row_for_each_part() -> None:
     values = (Constant(1.5e11 + k * 1e9, 1.6e9, 2e8, 1e7, "Pa") for k in range(3))
     fits = {f"S{k}": replace(fit, constants={"disk.c33D": value}) for k, value in enumerate(values)}
     table = population_table(population(fits, sheets_of([build("S")])))
-    cells = [list(column.cells) for column in table.columns]
+    cells = [table.column(k) for k in range(len(table.columns))]
     assert cells[0] == ["disk.c33D re, Pa", "disk.c33D im, Pa"]
     assert [cell[0] for cell in cells[1:]] == [
         "3",
