@@ -88,7 +88,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
         "own": isinstance(effect, UserLaw),
         "where": list(dict.fromkeys(_kind(place) for place in places)),
         "physics": effect.physics,
-        "says": effect.says,
+        "says": effect.says.format(where=places[0]),
         "separates": effect.separates,
         "references": list(effect.references),
         "parameters": [
