@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -152,3 +153,15 @@ def test_a_picture_of_the_terminal_for_the_guides(tmp_path: Path) -> None:
     assert "url(http" not in svg, "nothing from outside"
     folder = Path(os.environ.get("PZCTL_SCREENSHOTS", tmp_path))
     (folder / "terminal-fit.svg").write_text(svg, encoding="utf-8")
+
+
+def test_a_quiet_daemon_says_nothing_when_all_is_well(
+    tmp_path: Path, wait_until: Callable[[Callable[[], object]], None]
+) -> None:
+    environment = {**os.environ, "PZCTL_HOME": str(tmp_path)}
+    words = [PZCTL, "daemon", "--quiet", "--time-scale", "0"]
+    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as daemon:
+        wait_until(lambda: (tmp_path / "daemon.json").exists() or daemon.poll() is not None)
+        stopped = subprocess.run([PZCTL, "daemon", "--stop"], env=environment, capture_output=True, check=False)
+        assert stopped.returncode == 0
+        assert daemon.communicate(timeout=60) == ("", "")
