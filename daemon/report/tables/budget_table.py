@@ -9,7 +9,10 @@ from .unbroken_table import Column, UnbrokenTable
 
 
 def print_budget(console: Console, result: FitResult) -> None:
-    """Print the contributions to the uncertainties in per cent of each value, and the tolerances of held constants."""
+    """Print the contributions to the uncertainties in per cent of each value, and the tolerances of held constants.
+
+    The contributions to a value that is zero within its uncertainty are in its own unit.
+    """
     budget = result.budget
     if budget is None:
         console.print(f"{result.fitter} gives no uncertainty budget for this fit", style="yellow", highlight=False)
@@ -31,7 +34,8 @@ def _rows(table: UnbrokenTable, result: FitResult, shares: Mapping[str, Share], 
         constant = result.constants.get(name)
         if constant is None:
             continue
-        value = constant.im if suffix else constant.re
+        value, u = (constant.im, constant.u_im) if suffix else (constant.re, constant.u_re)
         parts = (share.noise, share.instrument, share.model, share.dimensions, share.knowledge, share.assumptions)
-        percent = [f"{100 * part / abs(value):.2g} %" if value else f"{part:.2g}" for part in parts]
+        relative = abs(value) > (u or 0.0)  # of a value that is zero within its u, in its unit
+        percent = [f"{100 * part / abs(value):.2g} %" if relative else f"{part:.2g}" for part in parts]
         table.add_row(f"{name}{suffix}", *percent, share.largest[0])

@@ -12,6 +12,7 @@ from ....fitters.diagnosis.findings import Diagnosis, Finding, FitSummary
 from ....fitters.interface import Curve
 from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ..json_output.fit_json import constants_json, number
+from .deviation import shift_text
 from .unbroken_table import Column, UnbrokenTable
 
 
@@ -82,7 +83,7 @@ def print_diagnosis(console: Console, diagnosis: Mapping[str, Any]) -> None:
         console.print(_findings_table(findings))
     if diagnosis["not_decidable"]:
         console.print("Could be present; the constants would hide it:", highlight=False)
-        console.print(_open_table(diagnosis["not_decidable"]))
+        console.print(_open_table(diagnosis["not_decidable"], diagnosis["final"].get("constants", {})))
     before, after = diagnosis["baseline"], diagnosis["final"]
     held_out = f", held-out points: {_fall(before, after, 'held_out')}" if after["held_out"] else ""
     fall = _fall(before, after, "chi2_per_dof")
@@ -144,10 +145,11 @@ def _unit(size: Mapping[str, Any]) -> str:
     return "" if size["unit"] == "1" else f" {size['unit']}"
 
 
-def _open_table(entries: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
+def _open_table(entries: Sequence[Mapping[str, Any]], constants: Mapping[str, Any]) -> UnbrokenTable:
     table = UnbrokenTable("effect", "where", "at most", "would shift", Column("would decide", prose=True))
     for entry in entries:
         limit = "\n".join(f"{name} {size['value']:.2g}{_unit(size)}" for name, size in entry["upper_limit"].items())
-        shifts = "\n".join(f"{name} {100 * shift:+.2g} %" for name, shift in list(entry["shifts"].items())[:4])
+        shifted: list[tuple[str, float]] = list(entry["shifts"].items())[:4]
+        shifts = "\n".join(shift_text(name, shift, constants) for name, shift in shifted)
         table.add_row(entry["effect"], entry["where"], limit, shifts, entry["would_decide"])
     return table

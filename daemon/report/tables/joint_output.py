@@ -17,6 +17,8 @@ from .diagnosis_output import diagnosis_json
 from .population_table import population_json, population_table
 from .unbroken_table import Column, UnbrokenTable
 
+_SHOWN = 1e-6
+"""Smallest common error of the analyzer, of ln Z, that is told."""
 _FIXTURE = "fixture-residual"
 _TOLD = 0.01
 """Smallest probability at which another explanation is mentioned."""
@@ -106,11 +108,7 @@ def print_joint(console: Console, joint: JointDiagnosis) -> None:
     for sentence in shared_sentences(joint):
         console.print(f"- {sentence}", highlight=False, markup=False)
     bench = joint.shared
-    console.print(
-        f"- The analyzer's common error that the samples show: gain {100 * bench.gain:.2g} %, phase "
-        f"{1e3 * bench.phase:.2g} mrad at most.",
-        highlight=False,
-    )
+    console.print(f"- {_analyzer(bench)}", highlight=False)
     for one in bench.effects:
         console.print(_size_table(one))
     console.print(_own_table(joint))
@@ -121,6 +119,14 @@ def print_joint(console: Console, joint: JointDiagnosis) -> None:
     if joint.population.constants:
         console.print(population_table(joint.population))
     console.print(f"{len(joint.own)} samples in {joint.seconds:.1f} s", highlight=False)
+
+
+def _analyzer(bench: SharedBench) -> str:
+    """Return what the samples show of the analyzer's common error."""
+    if max(bench.gain, bench.phase) < _SHOWN:
+        return "The samples show no common error of the analyzer."
+    gain, phase = f"gain {100 * bench.gain:.2g} %", f"phase {1e3 * bench.phase:.2g} mrad"
+    return f"The analyzer's common error that the samples show: {gain}, {phase} at most."
 
 
 def _recurring(one: Recurring) -> str:

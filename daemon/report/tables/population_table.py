@@ -22,6 +22,8 @@ _COLUMNS = (
     Column("within", justify="right", spare=2),
     Column("data sheet, build", justify="right", spare=3),
 )
+_NO_PERCENT = 0.05
+"""Deviation or tolerance in per cent that would be shown as 0.0."""
 _NAMED = 12
 """Greatest number of samples that the title names; more are only counted."""
 
@@ -103,10 +105,11 @@ def _between(effects: RandomEffects | None) -> str:
 def _sheet(sheet: DataSheet | None) -> str:
     if sheet is None or sheet.percent is None:
         return ""
-    if sheet.limit is None:
-        return f"{_signed(sheet.percent)} %"
-    limit = 100 * sheet.limit / abs(sheet.nominal)
-    return f"{_signed(sheet.percent)} % of ±{limit:.{0 if limit >= 10 else 1}f} %"
+    percent = f"{_signed(sheet.percent)} %"
+    limit = 0.0 if sheet.limit is None else 100 * sheet.limit / abs(sheet.nominal)
+    if limit < _NO_PERCENT:
+        return "none" if abs(sheet.percent) < _NO_PERCENT else percent
+    return f"{percent} of ±{limit:.0f} %" if limit >= 10 else f"{percent} of ±{limit:.1f} %"
 
 
 def _signed(percent: float) -> str:
