@@ -127,8 +127,7 @@ def diagnose(
         print(json.dumps(shown_diagnosis))
     else:
         print_diagnosis(console(), shown_diagnosis)
-        if shown_diagnosis["findings"] or unseen:
-            print_constants(console(), diagnosis)
+        print_constants(console(), diagnosis)
     if picture is None and as_json:
         return
     if build is not None and learn and diagnosis.effects:
