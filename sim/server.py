@@ -166,15 +166,18 @@ async def _serve(
         await simulator.stop()
 
 
-def run(options: SimOptions, draw: Callable[[int], BenchSample] = sample) -> None:
+def run(options: SimOptions, draw: Callable[[int], BenchSample] = sample, *, quiet: bool = False) -> None:
     """Run the simulator until SIGTERM or SIGINT; `draw` makes the sample of a seed. Raises SimError if a port is taken.
 
-    When it is ready, it prints a line for people to standard error and a JSON object to standard output.
+    When it is ready, it prints a line for people to standard error, unless `quiet`, and a JSON object to standard
+    output.
     """
 
     def ready(simulator: Simulator) -> None:
         bench = f"{options.host}:{simulator.bench_port}"
-        print(f"simulated {options.model} at {simulator.resource}, its bench at {bench}", file=sys.stderr, flush=True)
+        if not quiet:
+            says = f"simulated {options.model} at {simulator.resource}, its bench at {bench}"
+            print(says, file=sys.stderr, flush=True)
         addresses = {"instrument": simulator.resource, "bench": bench}
         if simulator.prologix_port is not None:
             addresses["prologix"] = f"PRLGX-TCPIP0::{options.host}::{simulator.prologix_port}::INTFC"

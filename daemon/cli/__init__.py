@@ -98,14 +98,18 @@ def pzctl(
 
 
 def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
-    """Return the command with the additional option --quiet."""
+    """Return the command with the additional option --quiet, and a word on Ctrl-C."""
 
     @wraps(command)
     def quietly(*words: Any, quiet: bool, **options: Any) -> None:
         from ..report.terminal import be_quiet
 
         be_quiet(quiet)
-        command(*words, **options)
+        try:
+            command(*words, **options)
+        except KeyboardInterrupt as stop:  # Typer would end without a word
+            print("; ".join(filter(None, ("pzctl: stopped", str(stop)))), file=sys.stderr)
+            raise typer.Exit(130) from None
 
     kind = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors and notes on standard error.")]
     more = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)

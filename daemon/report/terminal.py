@@ -54,6 +54,11 @@ def be_quiet(quiet: bool) -> None:
     _Manner.quiet = quiet
 
 
+def is_quiet() -> bool:
+    """Whether `be_quiet` was set."""
+    return _Manner.quiet
+
+
 def console(stderr: bool = False) -> PlainConsole:
     """Return a console on standard output or standard error; piped output has a fixed width.
 

@@ -14,15 +14,18 @@ from .text_file import TextFile, clipped, has_decimal_comma, is_number
 
 _NAMES = {
     "f": "f freq frequency frequenz messfrequenz frequence",
-    "R": "r rs re(z) real(z) rez z' resistance wirkwiderstand serienwiderstand",
-    "X": "x xs im(z) imag(z) imz z'' reactance blindwiderstand",
-    "G": "g gp re(y) real(y) conductance wirkleitwert",
-    "B": "b bp im(y) imag(y) susceptance blindleitwert",
-    "|Z|": "|z| abs(z) mag(z) zmod zabs zmag impedance impedanz scheinwiderstand betrag(z) module(z) "
+    "R": "r rs re(z) real(z) rez zreal zre z' resistance wirkwiderstand serienwiderstand "
+    "realteil realteil(z) realteilz partiereelle partiereelle(z) partiereelledez",
+    "X": "x xs im(z) imag(z) imz zimag zim z'' reactance blindwiderstand "
+    "imaginarteil imaginarteil(z) imaginarteilz imaginaerteil imaginaerteil(z) partieimaginaire partieimaginaire(z) "
+    "partieimaginairedez",
+    "G": "g gp re(y) real(y) conductance wirkleitwert realteil(y) partiereelle(y)",
+    "B": "b bp im(y) imag(y) susceptance blindleitwert imaginarteil(y) imaginaerteil(y) partieimaginaire(y)",
+    "|Z|": "|z| z abs(z) mag(z) zmod zabs zmag impedance impedanz scheinwiderstand betrag(z) module(z) "
     "impedance:magnitude magnitude(z) impedanz:betrag",
     "theta": "theta th theta-z θ θz theta(z) phase phase(z) arg(z) phase-z phaseangle phasenwinkel dephasage "
     "impedance:phase impedanz:phase",
-    "|Y|": "|y| abs(y) mag(y) yabs ymag admittance admittanz scheinleitwert betrag(y) module(y)",
+    "|Y|": "|y| y abs(y) mag(y) yabs ymag admittance admittanz scheinleitwert betrag(y) module(y)",
     "theta-y": "theta-y θy theta(y) phase(y) arg(y) phase-y",
     "Cp": "cp parallelkapazitat capaciteparallele",
     "Cs": "cs serienkapazitat capaciteserie",
@@ -159,8 +162,13 @@ def _factor(quantity: str, unit: str | None) -> float | None:
     return None
 
 
-def pair_of(page: TextFile, columns: Sequence[ColumnMeaning], line: int) -> tuple[str, ColumnMeaning, ColumnMeaning]:
-    """Return the measurement parameter that the columns determine, with its two columns. Raises RecordingError."""
+def pair_of(
+    page: TextFile, columns: Sequence[ColumnMeaning], names: Sequence[str], line: int
+) -> tuple[str, ColumnMeaning, ColumnMeaning]:
+    """Return the measurement parameter that the columns determine, with its two columns. Raises RecordingError.
+
+    `names` are all names of the header, for the error.
+    """
     named: dict[str, ColumnMeaning] = {}
     for column in columns:
         if column.quantity in named:
@@ -175,8 +183,10 @@ def pair_of(page: TextFile, columns: Sequence[ColumnMeaning], line: int) -> tupl
     needed = "two columns of one kind are needed, such as R_ohm,X_ohm or |Z|_ohm,theta_deg or G_S,B_S"
     if found in ("|Z|", "|Y|"):
         needed = f"the phase is needed beside {found}, for example in a column theta_deg"
+    header = ", ".join(clipped(name.strip(' "')) for name in names[:6]) + (", ..." if len(names) > 6 else "")
     raise page.error(
-        line, f"the columns do not determine an impedance (recognised besides the frequency: {found}); {needed}"
+        line,
+        f"the columns {header} do not determine an impedance (recognised besides the frequency: {found}); {needed}",
     )
 
 
@@ -200,7 +210,7 @@ def points_of(
     `columns` are the columns to use, `names` all names of the header on `line`; `body` holds line number and cells of
     each row.
     """
-    parameter, first, second = pair_of(page, columns, line)
+    parameter, first, second = pair_of(page, columns, names, line)
     frequency = next(column for column in columns if column.quantity == "f")
     taken = (frequency, first, second)
     needed = [column.index for column in taken]

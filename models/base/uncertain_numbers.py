@@ -25,11 +25,11 @@ def with_uncertainty(value: float, u: float | None) -> str:
     exponent = math.floor(math.log10(abs(value))) if value else 0
     exponent = max(exponent, size)
     last = size - digits + 1
-    shown = 0 if -3 <= exponent <= 4 else exponent
+    shown = 0 if -3 <= exponent <= 4 and size <= 2 else exponent
     decimals = max(0, shown - last)
     mantissa = f"{value / 10.0**shown:.{decimals}f}"
-    bracket = round(u / 10.0 ** min(last, shown))
-    return f"{mantissa}({bracket})" + (f"e{shown}" if shown else "")
+    bracket = round(u, -last) if last > shown else u / 10.0**last
+    return f"{mantissa}({bracket:.0f})" + (f"e{shown}" if shown else "")
 
 
 def _digits(u: float) -> int:

@@ -23,7 +23,6 @@ class Ageing(Effect):
     separates = "sweep the same step again after a day, and keep the temperature of gluing below half of Curie's"
     references = (
         "Berlincourt, Curran and Jaffe, in Mason (ed.), Physical Acoustics I A (1964), chapter 3 (ageing per decade)",
-        "left-out physics 4.4",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:

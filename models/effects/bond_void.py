@@ -26,7 +26,10 @@ class BondVoid(Effect):
     stage = Stage.VOIDS
     says = "Part of the bond at {where} transmits no stress: an air pocket, or it has come off."
     separates = "examine the bond with an acoustic microscope, or press the parts together while sweeping"
-    references = ("left-out physics 4.5", "Tjelde (NTNU, 2012), section 3.4.2 (glue lines)")
+    references = (
+        "Baik and Thompson, J. Nondestruct. Eval. 4 (1984) 177 (imperfect interfaces)",
+        "Tjelde (NTNU, 2012), section 3.4.2 (glue lines)",
+    )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return the interfaces with all piezoelectric layers on one side.

@@ -28,7 +28,6 @@ class DielectricDispersion(Effect):
     references = (
         "Debye, Polar Molecules (1929): relaxation",
         "Jonscher, Dielectric Relaxation in Solids (1983): the universal response (jw)^(n-1)",
-        "left-out physics 4.4",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:

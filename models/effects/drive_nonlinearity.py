@@ -35,10 +35,7 @@ class DriveNonlinearity(Effect):
     stage = Stage.ACQUISITION
     says = "The resonance of {where} bends with the oscillator level: the drive is too high for a linear model."
     separates = "sweep at three levels, 5 mV to 500 mV, or drive by constant current"
-    references = (
-        "Hall, J. Mater. Sci. 36 (2001) 4575 (Rayleigh's law in ferroelectrics)",
-        "left-out physics 4.4",
-    )
+    references = ("Hall, J. Mater. Sci. 36 (2001) 4575 (Rayleigh's law in ferroelectrics)",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return the piezoelectric layer if there is only one."""

@@ -32,7 +32,6 @@ class ElectrodeMass(Effect):
     references = (
         "Sauerbrey, Z. Phys. 155 (1959) 206",
         "Miller and Bolef, J. Appl. Phys. 39 (1968) 5815 (a film beyond the limit of small mass)",
-        "left-out physics 4.2",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:

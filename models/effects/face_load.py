@@ -22,7 +22,6 @@ class FaceLoad(Effect):
     references = (
         "Kinsler et al., Fundamentals of Acoustics, sections 7.5 and 10",
         "Martin, Granstaff and Frye, Anal. Chem. 63 (1991) 2272 (mass and liquid on one face)",
-        "left-out physics 4.2",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:

@@ -33,7 +33,6 @@ class FiniteBacking(Effect):
     references = (
         "Kossoff, IEEE Trans. Sonics Ultrason. 13 (1966) 20 (backing and matching)",
         "Szabo, J. Acoust. Soc. Am. 96 (1994) 491 (causal power laws)",
-        "left-out physics 4.2",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:

@@ -28,7 +28,6 @@ class LateralModes(Effect):
     references = (
         "Shaw, J. Acoust. Soc. Am. 28 (1956) 38 (thick disks, edge mode)",
         "Guo, Cawley and Hitchings, J. Sound Vib. 159 (1992) 115 (finite element analysis of disks)",
-        "left-out physics 4.3",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:

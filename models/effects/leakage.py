@@ -18,7 +18,7 @@ class Leakage(Effect):
     errs_roughly = False
     says = "Current leaks past the device: over its rim, through flux or moisture, or in the fixture."
     separates = "measure the insulation at direct current, sweep from 100 Hz, or clean and dry the rim"
-    references = ("Keysight Impedance Measurement Handbook, section 4", "left-out physics 4.1")
+    references = ("Keysight Impedance Measurement Handbook, section 4",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return `terminals`."""

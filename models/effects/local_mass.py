@@ -40,10 +40,7 @@ class LocalMass(Effect):
     stage = Stage.SHARES
     says = "Part of {where} carries a mass: a solder dot, a wire, a drop of glue."
     separates = "sweep with pressure contacts before soldering, or weigh the dot"
-    references = (
-        "left-out physics 4.2 (parts of the face as plates side by side)",
-        "Sauerbrey, Z. Phys. 155 (1959) 206 (local sensitivity to mass)",
-    )
+    references = ("Sauerbrey, Z. Phys. 155 (1959) 206 (local sensitivity to mass)",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return both faces."""

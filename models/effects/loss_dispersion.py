@@ -23,7 +23,6 @@ class LossDispersion(Effect):
     references = (
         "Kjartansson, J. Geophys. Res. 84 (1979) 4737",
         "Szabo, J. Acoust. Soc. Am. 96 (1994) 491 (causal power laws)",
-        "left-out physics 4.4",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:

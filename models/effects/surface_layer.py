@@ -28,10 +28,7 @@ class SurfaceLayer(Effect):
     separates = (
         "compare the coupling of first and third overtone, look for a resonance at twice the frequency, lap a face"
     )
-    references = (
-        "left-out physics 4.2",
-        "Jaffe, Cook and Jaffe, Piezoelectric Ceramics (1971): depoling by stress",
-    )
+    references = ("Jaffe, Cook and Jaffe, Piezoelectric Ceramics (1971): depoling by stress",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return every piezoelectric layer; none where several are wired in parallel."""

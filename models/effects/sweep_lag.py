@@ -26,7 +26,9 @@ class SweepLag(Effect):
     stage = Stage.ACQUISITION
     says = "The sweep was too fast: each point was read before the device had settled."
     separates = "sweep up and down, halve the rate or narrow the bandwidth"
-    references = ("left-out physics 4.1: Y(f - rate tau), tau the longer of Q/(pi f) and the filter's settling",)
+    references = (
+        "Hok, J. Appl. Phys. 19 (1948) 242 (resonant systems under a frequency that varies linearly with time)",
+    )
 
     @property
     def outside(self) -> bool:

@@ -28,7 +28,7 @@ class TemperatureDrift(Effect):
     errs_in_time = True
     says = "The device drifted while the sweep ran: the later points belong to a warmer (or colder) device."
     separates = "sweep up and down, or wait until two sweeps agree"
-    references = ("left-out physics 4.4; vendors state 50-1200 ppm/K for the resonance of soft PZT",)
+    references = ("vendors state 50-1200 ppm/K for the resonance of soft PZT",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return `sweep`."""

@@ -43,7 +43,7 @@ class ThicknessVariation(Effect):
     stage = Stage.SHARES
     says = "The faces of {where} are not parallel: its thickness varies over the area."
     separates = "measure the thickness at five places with a micrometer, or sweep the third overtone"
-    references = ("left-out physics 4.2: Y = integral of p(t) Y(t); micrometer maps show +-0.5 % on lapped disks",)
+    references = ("Y = integral of p(t) Y(t); micrometer maps show +-0.5 % on lapped disks",)
 
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return every layer."""

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -31,6 +32,15 @@ def test_prints_its_addresses_and_ends_cleanly(number, tmp_path, start_program):
     (line,) = err.splitlines()
     assert addresses["instrument"] in line
     assert addresses["bench"] in line
+
+
+def test_quiet_prints_the_addresses_for_programs_only(tmp_path, start_program):
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    words = [Path(sys.executable).with_name("pzctl"), "sim", "--quiet", "--port", "0", "--bench-port", "0"]
+    process = start_program(words, cwd=tmp_path, **pipes)
+    assert "instrument" in json.loads(process.stdout.readline())
+    process.terminate()
+    assert process.communicate(timeout=120) == ("", "")
 
 
 def test_stopping_closes_even_new_connections():

@@ -52,14 +52,13 @@ def effects(
     if as_json:
         print(json.dumps({"effects": [_described(effect) for effect in chosen]}))
         return
-    from rich.table import Table
-
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
     from ...report.terminal import console
 
     if name:
         console().print(_page(_described(chosen[0])))
         return
-    table = Table("effect", "where", "the physics")
+    table = UnbrokenTable("effect", Column("where", prose=True), Column("the physics", prose=True))
     for described in map(_described, chosen):
         table.add_row(described["name"], " ".join(described["where"]), described["physics"])
     console().print(table)
@@ -89,7 +88,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
         "own": isinstance(effect, UserLaw),
         "where": list(dict.fromkeys(_kind(place) for place in places)),
         "physics": effect.physics,
-        "says": effect.says,
+        "says": effect.says.format(where=places[0]),
         "separates": effect.separates,
         "references": list(effect.references),
         "parameters": [
@@ -138,6 +137,8 @@ def _page(described: dict[str, Any]) -> "Table":
     from rich.table import Table
 
     page = Table(show_header=False)
+    page.add_column(width=24)
+    page.add_column()
     for heading, text in (
         ("effect", described["name"]),
         ("where", " ".join(described["where"])),

@@ -36,11 +36,10 @@ def fitters(
     if as_json:
         print(json.dumps({"fitters": [asdict(entry) for entry in listed]}))
         return
-    from rich.table import Table
-
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
     from ...report.terminal import console
 
-    table = Table("fitter", "version", "package", "what it does")
+    table = UnbrokenTable("fitter", "version", "package", Column("what it does", prose=True))
     for entry in listed:
         table.add_row(entry.name, entry.version, entry.package, entry.summary, style=None if entry.works else "red")
     console().print(table)

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from ....models.materials import Material
+    from ...report.tables.unbroken_table import UnbrokenTable
 
 
 def materials(
@@ -30,12 +29,14 @@ def materials(
 
         print(json.dumps({"materials": [msgspec.to_builtins(material) for material in chosen]}))
         return
-    from rich.table import Table
-
     from ....models.base.uncertain_numbers import complex_with_uncertainty
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
     from ...report.terminal import console
 
-    table = Table("material", "kind", *(("constant", "value (SI)", "source") if name else ("constants",)))
+    of_one = ("constant", "value (SI)", Column("source", prose=True))
+    columns = of_one if name else (Column("constants", prose=True),)
+    material_and_kind = (Column(head, spare=k if name else 0) for k, head in enumerate(("material", "kind"), 1))
+    table = UnbrokenTable(*material_and_kind, *columns, title=name or "")
     for material in chosen:
         if not name:
             table.add_row(material.name, material.kind, " ".join(material.values))
@@ -48,13 +49,12 @@ def materials(
         console().print(_coefficients(chosen[0]))
 
 
-def _coefficients(material: "Material") -> "Table":
+def _coefficients(material: "Material") -> "UnbrokenTable":
     """Return the table of a material's temperature coefficients."""
-    from rich.table import Table
-
     from ....models.base.uncertain_numbers import with_uncertainty
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
 
-    table = Table("material", "constant", "change, 1e-6/K at 25 C", "source")
+    table = UnbrokenTable("material", "constant", "change, 1e-6/K at 25 C", Column("source", prose=True))
     for constant, q in material.temperature.items():
         table.add_row(material.name, constant, with_uncertainty(1e6 * q.re, 1e6 * q.u), q.source)
     return table

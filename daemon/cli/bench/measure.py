@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -121,7 +122,7 @@ def measure(
     names = _steps(device, step, repeat)
     pause = Pause(duration(every, "--every"))
     report = Report(device.name)
-    with _daemon(resource, analyzer, wanted, time_scale, screen) as (lab, on):
+    with _kept_on_stop(report), _daemon(resource, analyzer, wanted, time_scale, screen) as (lab, on):
         simulated = on.bench is not None
         diagnoser = _diagnoser(lab, device, on.name, screen, yes) if diagnose else None
         for name in names:
@@ -157,7 +158,7 @@ def _by_queue(
     wanted = queued(path, lambda build: with_limits(build, limits), given)
     report = Report(wanted.steps[0].build.name, queue=wanted.name)
     fitters = daemon[2]
-    with _daemon(*daemon, screen) as (lab, on):
+    with _kept_on_stop(report), _daemon(*daemon, screen) as (lab, on):
 
         def prepare(step: str) -> None:
             if on.bench is not None:
@@ -169,6 +170,17 @@ def _by_queue(
 
         QueueRun(what_is_left(wanted, screen), screen).run(prepare, measure)
     return report
+
+
+@contextmanager
+def _kept_on_stop(report: Report) -> "Generator[None]":
+    """Say on Ctrl-C which measurements are complete."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        times = Counter(f"{one['sample']} {one['step']}" for one in report.measurements)
+        kept = ", ".join(f"{name} ({n} times)" if n > 1 else name for name, n in times.items())
+        raise KeyboardInterrupt(f"kept in the journal: {kept}" if kept else "no measurement was complete") from None
 
 
 def _device(build: Path | None, limits: Path | None, sample: str | None) -> "Build":
@@ -382,11 +394,11 @@ def _show(result: "FitResult", build: "Build", ended: float, console: "Console",
 
 def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console") -> None:
     """Print the deviation of the last fit from the simulated device's true constants, in stated uncertainties."""
-    from rich.table import Table
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
 
-    table = Table(title="Fitted constants compared with the simulated bench's true ones", title_justify="left")
-    for column in ("constant", "fitted", "true", "error", "|error|/u"):
-        table.add_column(column, justify="left" if column == "constant" else "right")
+    numbers = (Column(head, justify="right") for head in ("fitted", "true", "error", "|error|/u"))
+    title = "Fitted constants compared with the simulated bench's true ones"
+    table = UnbrokenTable("constant", *numbers, title=title)
     for name, fitted in fit["constants"].items():
         for part in ("re", "im"):
             true, value, u = truth.get(name, {}).get(part), fitted[part], fitted[f"u_{part}"]

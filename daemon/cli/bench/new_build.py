@@ -1,6 +1,7 @@
 """`pzctl new`: write a build.toml from the answers to a few questions."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -112,8 +113,16 @@ def _ask(question: str, default: str) -> str:
 
 
 def _ask_number(question: str, default: float) -> float:
+    from ...files.builds.build_table import decimal_point
+
     while True:
-        value = float(typer.prompt(question, default=default, type=float, err=True))
+        answer = _ask(question, str(default))
+        try:
+            value = float(answer)
+        except ValueError:
+            hint = decimal_point(answer) if re.fullmatch(r"\d+,\d+", answer) else "a positive number is needed"
+            typer.echo(f"{answer!r} is not possible; {hint}", err=True)
+            continue
         if value > 0 and value < float("inf"):
             return value
         typer.echo(f"{value:g} is not possible; a positive number is needed", err=True)

@@ -1,5 +1,6 @@
 """`pzctl daemon`: the lab service in the foreground."""
 
+import logging
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -57,6 +58,7 @@ def daemon(
         return
     from ...files.builds.build_file import THESIS_BUILD
     from ...files.config import options, settings
+    from ...report.terminal import is_quiet
     from ...server.logs import begin_log
     from ...server.service import run
 
@@ -67,11 +69,14 @@ def daemon(
     flags |= {"time_scale": time_scale, "seed": seed, "fit_seconds": fit_seconds, "fit_memory_MB": fit_memory}
     given = settings(flags | {"diagnose": diagnose, "log": log})
     begin_log(given.get("log", "text"))
+    if is_quiet():
+        logging.getLogger().setLevel(logging.WARNING)
     if not page:
         run(options(given))
         return
     from ...page.page_process import served_beside
 
     with served_beside(build or THESIS_BUILD, page_port) as address:
-        print(f"page: {address}", file=sys.stderr)
+        if not is_quiet():
+            print(f"page: {address}", file=sys.stderr)
         run(options(given))

@@ -53,6 +53,8 @@ def _print(checks: "list[Check]") -> None:
     from ...report.terminal import console
 
     table = Table(box=None, show_header=False)
+    for whole in (True, True, False):
+        table.add_column(no_wrap=whole, overflow="fold")
     for check in checks:
         says = f"{check.says}\n-> {check.remedy}" if check.remedy else check.says
         table.add_row(Text(check.status, _STYLE[check.status]), Text(check.name), Text(says))

@@ -46,6 +46,7 @@ def sim(
     from ....sim.bench.sample import sample
     from ....sim.server import SimOptions, run
     from ...files.builds.build_file import read_build
+    from ...report.terminal import is_quiet
     from .sample_of_build import sample_of
 
     run(
@@ -64,4 +65,5 @@ def sim(
             hidden=parse(hidden or []),
         ),
         sample if build is None else partial(sample_of, read_build(build)),
+        quiet=is_quiet(),
     )

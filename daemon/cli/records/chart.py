@@ -71,9 +71,9 @@ def chart(
 
 def _print(screen: "Console", shown: "ProcessChart") -> None:
     from rich.box import SIMPLE_HEAD
-    from rich.table import Table
 
     from ....models.base.uncertain_numbers import with_uncertainty
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
     from ...report.tables.verdict_table import limits_text
 
     chart = shown.chart
@@ -84,9 +84,8 @@ def _print(screen: "Console", shown: "ProcessChart") -> None:
         style="bold",
         highlight=False,
     )
-    table = Table(header_style="bold", box=SIMPLE_HEAD)
-    for column in ("sample", "measured", "value", "EWMA", "signals"):
-        table.add_column(column)
+    signals = Column("signals", prose=True)
+    table = UnbrokenTable("sample", "measured", "value", "EWMA", signals, box=SIMPLE_HEAD)
     for point in chart.points:
         style = "bold red" if point.signals else None
         cells = (with_uncertainty(point.value, point.u), f"{point.ewma:.5g}", "; ".join(point.signals))

@@ -106,23 +106,18 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
         print(json.dumps({"samples": listed}))
         return
     from rich.box import SIMPLE_HEAD
-    from rich.markup import escape
-    from rich.table import Table
 
+    from ...report.tables.unbroken_table import Column, UnbrokenTable
     from ...report.terminal import console
 
-    table = Table(header_style="bold", box=SIMPLE_HEAD)
-    for column in ("sample", "step", "measured", "fits"):
-        table.add_column(column)
+    table = UnbrokenTable("sample", "step", "measured", Column("fits", prose=True), box=SIMPLE_HEAD)
     for name, of_sample in by_sample.items():
         for k, measured in enumerate(of_sample):
             fits = (
                 ", ".join(journal.fitters(measured.id)) if measured.state == "measured" else _state(journal, measured)
             )
             when = f"{measured.time[:10]} {measured.time[11:19]} UTC"
-            table.add_row(
-                "" if k else escape(shown(name)), escape(shown(measured.sample.step)), when, escape(shown(fits))
-            )
+            table.add_row("" if k else shown(name), shown(measured.sample.step), when, shown(fits))
         table.add_section()
     console().print(table)
 

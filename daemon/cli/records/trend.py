@@ -10,7 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from ....fitters.population.trend import Trend
-    from ....models.build import Quantity
+    from ....models.build import LayerSpec, Quantity
     from ...report.pictures.trend_picture import Series
 
 
@@ -42,9 +42,10 @@ def trend(
 
     if picture is not None:
         check_picture(picture)
+    layers = _layers(sample)
     rows = table_of(sample, step, fitter or DEFAULT, every=True).rows
     series = _series(rows, constants or [], sample, against, degree, reference)
-    published = _published(sample) if against == "temperature_C" else {}
+    published = _published(layers) if against == "temperature_C" else {}
     if picture is not None:
         save_picture(trend_figure(series, against), picture, dpi=110)
     if as_json:
@@ -52,15 +53,15 @@ def trend(
         print(json.dumps({"sample": sample, "against": against, "constants": constants_json}))
         return
     from rich.box import SIMPLE_HEAD
-    from rich.table import Table
 
     from ....models.base.uncertain_numbers import with_uncertainty
+    from ...report.tables.unbroken_table import UnbrokenTable
 
-    shown = Table(header_style="bold", box=SIMPLE_HEAD)
-    powers = [f"a{k + 1}, 1e-6/{against}{'' if k == 0 else f'^{k + 1}'}" for k in range(degree)]
+    per = _unit(against)
+    powers = [f"a{k + 1}, 1e-6/{per}{'' if k == 0 else f'^{k + 1}'}" for k in range(degree)]
     library = ["library's a1"] if any(one[0] in published for one in series) else []
-    for column in ("constant", "n", f"at {reference:g}", "unit", *powers, "scatter", *library):
-        shown.add_column(column)
+    columns = ("constant", "n", f"at {reference:g}", "unit", *powers, "scatter", *library)
+    shown = UnbrokenTable(*columns, box=SIMPLE_HEAD)
     for name, unit, _, _, _, found in series:
         changes = [with_uncertainty(1e6 * a.value, 1e6 * a.u) for a in found.relative]
         value = with_uncertainty(found.value.value, found.value.u)
@@ -71,18 +72,29 @@ def trend(
         console().print(f"picture: {picture}", highlight=False, soft_wrap=True)
 
 
-def _published(sample: str) -> "dict[str, Quantity]":
-    """Return the library's temperature coefficients of a sample's layers, by the names of the fitted constants."""
-    from ....models.materials import MaterialError
-    from ...files.builds.own_materials import find_material
+def _unit(against: str) -> str:
+    """Return the unit of differences of a noted number, which its name ends in: kelvin for `temperature_C`."""
+    _, _, unit = against.rpartition("_")
+    return "K" if unit == "C" else unit if unit != against else f"(unit of {against})"
+
+
+def _layers(sample: str) -> "tuple[LayerSpec, ...]":
+    """Return the layers of a sample. Raises UnknownSampleError."""
     from ...samples.sample_record import sample_record
     from ...samples.sample_selection import open_journal
 
     journal = open_journal()
     try:
-        layers = sample_record(journal, sample).build.layers
+        return sample_record(journal, sample).build.layers
     finally:
         journal.close()
+
+
+def _published(layers: "tuple[LayerSpec, ...]") -> "dict[str, Quantity]":
+    """Return the library's temperature coefficients of a sample's layers, by the names of the fitted constants."""
+    from ....models.materials import MaterialError
+    from ...files.builds.own_materials import find_material
+
     found: dict[str, Quantity] = {}
     for layer in layers:
         with suppress(MaterialError):  # a material of the user's own file that is no longer there
@@ -111,6 +123,7 @@ def _series(
     rows: tuple[dict[str, Any], ...], names: list[str], sample: str, against: str, degree: int, reference: float
 ) -> "list[Series]":
     """Return each constant's values and trend. Raises UnknownSampleError, TrendError."""
+    from ....fitters.population.trend import TrendError
     from ....fitters.population.trend import trend as trend_of
     from ...samples.sample_record import UnknownSampleError
 
@@ -126,11 +139,20 @@ def _series(
         raise UnknownSampleError(
             f"sample {sample!r}: {what} with {against} noted; note it with `pzctl measure --temperature`, or --note"
         )
+    places = sorted({x for found in points.values() for x, *_ in found})
+    if len(places) <= degree:
+        at = f"only at {places[0]:g}" if len(places) == 1 else f"at {len(places)} values"
+        raise TrendError(
+            f"sample {sample!r}: the fits have {against} noted {at}; a trend of degree {degree} needs at least "
+            f"{degree + 2} measurements, at {degree + 1} or more different values"
+        )
     series: list[Series] = []
     for name, found in points.items():
         x, y, u, units = zip(*found, strict=True)
         if names or not math.isclose(min(y), max(y), rel_tol=1e-12):  # a held value has no trend
             series.append((name, units[0], x, y, u, trend_of(x, y, degree, reference)))
+    if not series:
+        raise TrendError(f"sample {sample!r}: no fitted constant differs between the measurements")
     return series
 
 

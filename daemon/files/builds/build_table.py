@@ -19,6 +19,12 @@ LARGEST_WHOLE = 2**53
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:[#,}]|$)", re.MULTILINE)
 
 
+_SINGLE_BRACKETS = re.compile(r"^[ \t]*\[(layers|steps|effects|materials|measure)\]", re.MULTILINE)
+_LONG = 200
+"""Characters of a line that is not searched for a text without quotes: the time grows with the square of its length."""
+_NO_QUOTES = re.compile(r"\s*([\w-]+)\s*=\s*(\w[\w .+/-]*?)\s*(?:#.*)?")
+
+
 class BuildError(PzctlError):
     """A build or materials file that cannot be used."""
 
@@ -68,7 +74,8 @@ class Table:
         names = list(allowed)
         for key in self.data:
             if key not in names:
-                near = difflib.get_close_matches(key, names, 1, 0.5)
+                alike = [name for name in names if name.casefold() == key.casefold()]
+                near = alike or difflib.get_close_matches(key, names, 1, 0.5)
                 hint = f"did you mean {near[0]}? " if near else ""
                 raise self.error(shown(key)[1:-1], f"is not a known key; {hint}allowed here: {', '.join(names)}")
 
@@ -108,6 +115,8 @@ class Table:
         if key not in self.data:
             raise self.missing(f"[[{key}]]", f"write at least one {what}")
         value = self.data[key]
+        if isinstance(value, dict):
+            raise self.error(key, f"is one table; write [[{key}]] in double brackets before each {what}, not [{key}]")
         if not isinstance(value, list) or not value:
             raise self.error(
                 key, f"is {'empty' if value == [] else shown(cast('object', value))}; at least one [[{key}]] is needed"
@@ -242,13 +251,29 @@ class TomlError(ValueError):
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the content of a TOML file. Raises TomlError, with a hint if a number has a decimal comma."""
+    """Return the content of a TOML file. Raises TomlError, with a hint at the usual slips."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        comma = _DECIMAL_COMMA.search(text)
-        hint = f"; write numbers with a point, not as {comma[1]!r}" if comma else ""
-        raise TomlError(f"{error}{hint}") from None
+        raise TomlError(f"{error}{_hint(text, str(error))}") from None
+
+
+def decimal_point(number: str) -> str:
+    """Return the hint at a decimal comma."""
+    return f"write numbers with a point, not as {number!r}"
+
+
+def _hint(text: str, error: str) -> str:
+    """Return a hint at a decimal comma, at a text without quotes in the line of the error, or at single brackets."""
+    if comma := _DECIMAL_COMMA.search(text):
+        return f"; {decimal_point(comma[1])}"
+    number, lines = re.search(r"at line (\d+)", error), text.split("\n")
+    line = lines[min(int(number[1]), len(lines)) - 1] if number else ""
+    if len(line) < _LONG and (bare := _NO_QUOTES.fullmatch(line)):
+        return f'; a text needs quotes: {bare[1]} = "{bare[2]}"'
+    if single := _SINGLE_BRACKETS.search(text):
+        return f"; write [[{single[1]}]] in double brackets, not [{single[1]}]"
+    return ""
 
 
 def read_table(path: Path) -> Table:

@@ -10,6 +10,7 @@ from ....models.build import Build
 from ...samples.sample_record import StepRecord
 from ..pictures.diagnosis_picture import diagnosis_figure
 from ..pictures.svg_pictures import svg_of
+from ..tables.deviation import shift_text
 from .html_table import table
 
 
@@ -51,13 +52,16 @@ def _open(diagnosis: dict[str, Any]) -> str:
     html = ""
     hidden: list[dict[str, Any]] = diagnosis.get("not_decidable", [])
     if hidden:
+        constants: dict[str, Any] = diagnosis.get("final", {}).get("constants", {})
         rows = [
             (
                 str(n.get("effect")),
                 str(n.get("where")),
                 "; ".join(_size(name, size) for name, size in n.get("upper_limit", {}).items()),
                 "; ".join(
-                    f"{name} {100 * shift:+.2g} %" for name, shift in n.get("shifts", {}).items() if shift is not None
+                    shift_text(name, shift, constants)
+                    for name, shift in n.get("shifts", {}).items()
+                    if shift is not None
                 ),
                 str(n.get("would_decide", "")),
             )

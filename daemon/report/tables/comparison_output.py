@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from ....models.base.plain_numbers import without_exponent
 from ....models.base.uncertain_numbers import with_uncertainty
+from .unbroken_table import Column, UnbrokenTable
 
 
 def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
@@ -37,9 +37,7 @@ def print_many(console: Console, found: Mapping[str, Any]) -> None:
             for name, size in one["parameters"].items()
         ]
         console.print(f"{one['effect']}: {'; '.join(sizes)}", highlight=False)
-    table = Table(header_style="bold")
-    for column in ("device", "verdict", "change (%)", "findings"):
-        table.add_column(column, overflow="fold")
+    table = UnbrokenTable("device", "verdict", "change (%)", Column("findings", prose=True))
     for device in found["devices"]:
         findings: list[str] = []
         for one in device["findings"]:
@@ -68,11 +66,8 @@ def _first(name: str, size: Mapping[str, Any] | None) -> str:
     return f", {name} {_size(size)}" if size else ""
 
 
-def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table(header_style="bold")
-    table.add_column("effect", no_wrap=True, overflow="fold")
-    for column in ("where", "probability", "size", "held out", "cannot be told from"):
-        table.add_column(column, overflow="fold")
+def _findings_table(findings: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
+    table = UnbrokenTable("effect", "where", "probability", "size", "held out", "cannot be told from")
     for finding in findings:
         sizes = [f"{name} {_size(size)}" for name, size in finding["parameters"].items()]
         alike = [f"{one['effect']} ({one['probability']:.2f})" for one in finding["same_as"]]
@@ -93,10 +88,10 @@ def _described(by: Mapping[str, Any]) -> str:
     return f"Build {by['build']}, step {by['step']}: it describes the recording before to {left}; that rest cancels."
 
 
-def _resonance_table(resonances: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table(title="Resonances in both, as the terminals see them", title_justify="left", header_style="bold")
-    for column in ("kHz", "Q", "frequency moved (ppm)", "Q after/before", "strength after/before"):
-        table.add_column(column, justify="right")
+def _resonance_table(resonances: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
+    columns = ("kHz", "Q", "frequency moved (ppm)", "Q after/before", "strength after/before")
+    title = "Resonances in both, as the terminals see them"
+    table = UnbrokenTable(*(Column(column, justify="right") for column in columns), title=title)
     for one in resonances:
         table.add_row(
             f"{one['frequency_Hz'] / 1e3:.5g}",
@@ -108,10 +103,10 @@ def _resonance_table(resonances: Sequence[Mapping[str, Any]]) -> Table:
     return table
 
 
-def _bands_table(bands: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table(title="By how much they differ (rms)", title_justify="left", header_style="bold")
-    for column in ("band (kHz)", "|Z| (%)", "phase (mrad)", "noise (%)"):
-        table.add_column(column, justify="right")
+def _bands_table(bands: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
+    columns = ("band (kHz)", "|Z| (%)", "phase (mrad)", "noise (%)")
+    title = "By how much they differ (rms)"
+    table = UnbrokenTable(*(Column(column, justify="right") for column in columns), title=title)
     for band in bands:
         low, high = band["band_Hz"]
         table.add_row(

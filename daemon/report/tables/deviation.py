@@ -1,6 +1,7 @@
 """The deviation of a fitted constant from its data sheet, in per cent and in joint standard uncertainties."""
 
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal, cast
 
 from ....models.build import Quantity
 
@@ -24,3 +25,17 @@ def deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) 
     sigmas = abs(re - nominal.re) / both
     shown = f"{sigmas:.1f}" if sigmas < _MOST else f"{sigmas:.1e}"
     return f"{percent} ({shown} u)", "far" if sigmas > 2 else "off" if sigmas > 1 else "near"
+
+
+def shift_text(name: str, shift: float, constants: Mapping[str, Any]) -> str:
+    """Return `disk.c33D -0.4 %` for a relative shift; of a part that is zero within 2 u, `disk.h33.im +1.3 u`.
+
+    `constants` are those of a diagnosis as JSON; `name` ends in `.im` for an imaginary part.
+    """
+    part = "im" if name.endswith(".im") else "re"
+    found = constants.get(name.removesuffix(".im"))
+    constant = cast("dict[str, Any]", found) if isinstance(found, dict) else {}
+    value, u = constant.get(part), constant.get(f"u_{part}")
+    if isinstance(value, int | float) and isinstance(u, int | float) and abs(value) < 2 * u:
+        return f"{name} {shift * value / u:+.2g} u"
+    return f"{name} {100 * shift:+.2g} %"

@@ -6,13 +6,14 @@ from typing import Any
 
 import msgspec
 from rich.console import Console
-from rich.table import Table
 
 from ....fitters.diagnosis.data_quality.data_issues import DataCheck
 from ....fitters.diagnosis.findings import Diagnosis, Finding, FitSummary
 from ....fitters.interface import Curve
 from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ..json_output.fit_json import constants_json, number
+from .deviation import shift_text
+from .unbroken_table import Column, UnbrokenTable
 
 
 def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -82,7 +83,7 @@ def print_diagnosis(console: Console, diagnosis: Mapping[str, Any]) -> None:
         console.print(_findings_table(findings))
     if diagnosis["not_decidable"]:
         console.print("Could be present; the constants would hide it:", highlight=False)
-        console.print(_open_table(diagnosis["not_decidable"]))
+        console.print(_open_table(diagnosis["not_decidable"], diagnosis["final"].get("constants", {})))
     before, after = diagnosis["baseline"], diagnosis["final"]
     held_out = f", held-out points: {_fall(before, after, 'held_out')}" if after["held_out"] else ""
     fall = _fall(before, after, "chi2_per_dof")
@@ -91,11 +92,9 @@ def print_diagnosis(console: Console, diagnosis: Mapping[str, Any]) -> None:
 
 def print_constants(console: Console, diagnosis: Diagnosis) -> None:
     """Print the constants without and with the findings, then the sentences about their uncertainties."""
-    table = Table(title="Constants", title_justify="left", header_style="bold")
     named = any(finding.effect not in ("unknown", "polarity") for finding in diagnosis.findings)
     columns = ("constant", *(("without the findings",) if named else ()), "with them" if named else "fitted", "unit")
-    for column in columns:
-        table.add_column(column)
+    table = UnbrokenTable(*columns, title="Constants")
     for name, after in diagnosis.final.constants.items():
         before = diagnosis.baseline.constants.get(name)
         if after.free:
@@ -107,13 +106,11 @@ def print_constants(console: Console, diagnosis: Diagnosis) -> None:
         console.print(sentence, highlight=False)
 
 
-def _findings_table(findings: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table(header_style="bold")
+def _findings_table(findings: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
     rivalled = any(_rivals(finding) for finding in findings)
-    for column in ("effect", "where"):
-        table.add_column(column, no_wrap=True, overflow="fold")  # never shorten a name with dots
-    for column in ("step", "probability", "size", "chi2/dof", "bands (MHz)", *(["or else"] if rivalled else [])):
-        table.add_column(column, overflow="fold")
+    bands = Column("bands (MHz)", prose=True)
+    columns = ("effect", "where", "step", "probability", "size", "chi2/dof", bands)
+    table = UnbrokenTable(*columns, *(("or else",) if rivalled else ()))
     for finding in findings:
         bands = ", ".join(f"{low / 1e6:.3g}-{high / 1e6:.3g}" for low, high in finding["bands_Hz"][:3])
         before, after = ({"chi2": finding[f"chi2_per_dof_{side}"]} for side in ("before", "after"))
@@ -148,12 +145,11 @@ def _unit(size: Mapping[str, Any]) -> str:
     return "" if size["unit"] == "1" else f" {size['unit']}"
 
 
-def _open_table(entries: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table(header_style="bold")
-    for column in ("effect", "where", "at most", "would shift", "would decide"):
-        table.add_column(column)
+def _open_table(entries: Sequence[Mapping[str, Any]], constants: Mapping[str, Any]) -> UnbrokenTable:
+    table = UnbrokenTable("effect", "where", "at most", "would shift", Column("would decide", prose=True))
     for entry in entries:
         limit = "\n".join(f"{name} {size['value']:.2g}{_unit(size)}" for name, size in entry["upper_limit"].items())
-        shifts = "\n".join(f"{name} {100 * shift:+.2g} %" for name, shift in list(entry["shifts"].items())[:4])
+        shifted: list[tuple[str, float]] = list(entry["shifts"].items())[:4]
+        shifts = "\n".join(shift_text(name, shift, constants) for name, shift in shifted)
         table.add_row(entry["effect"], entry["where"], limit, shifts, entry["would_decide"])
     return table

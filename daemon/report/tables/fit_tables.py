@@ -1,7 +1,6 @@
 """Fit results as tables for the terminal."""
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from ....fitters.interface import Constant, FitResult
@@ -9,6 +8,7 @@ from ....fitters.population.conformity import judged
 from ....models.base.uncertain_numbers import complex_with_uncertainty
 from ....models.build import Build, Quantity
 from .deviation import deviation
+from .unbroken_table import Column, UnbrokenTable
 from .verdict_table import print_verdict
 
 _COLOURS = {"near": "green", "off": "yellow", "far": "bold red"}
@@ -16,12 +16,10 @@ _DERIVED_SHOWN = frozenset({"kt", "kp", "Qm", "tan_delta", "c33", "compliance", 
 """The derived constants that the table shows."""
 
 
-def fit_table(result: FitResult, build: Build | None) -> Table:
+def fit_table(result: FitResult, build: Build | None) -> UnbrokenTable:
     """Return the table of a fit: constants with uncertainties beside their data sheet values."""
-    table = Table(header_style="bold")
-    for column in ("constant", "fitted", "unit", "data sheet, build"):
-        table.add_column(column, overflow="fold")
-    table.add_column("deviation", justify="right")
+    sheet, away = Column("data sheet, build", spare=1), Column("deviation", justify="right", spare=2)
+    table = UnbrokenTable("constant", "fitted", "unit", sheet, away)
     nominal = build.data_sheet if build is not None else {}
     for layer in dict.fromkeys(name.split(".")[0] for name in result.constants):
         for name, constant in result.constants.items():
@@ -53,7 +51,7 @@ def _title(result: FitResult) -> str:
     return f"{result.build}: {steps} by {result.fitter} - {quality}, {noise}, {result.seconds:.2f} s"
 
 
-def _row(table: Table, name: str, constant: Constant, nominal: Quantity | None) -> None:
+def _row(table: UnbrokenTable, name: str, constant: Constant, nominal: Quantity | None) -> None:
     fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
     sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal is not None else ""
     words, verdict = deviation(constant.re, constant.u_re, nominal, constant.free)
@@ -61,7 +59,7 @@ def _row(table: Table, name: str, constant: Constant, nominal: Quantity | None) 
     table.add_row(name, fitted, constant.unit, sheet, away, style=None if constant.free else "dim")
 
 
-def _derived_rows(table: Table, result: FitResult, layer: str) -> None:
+def _derived_rows(table: UnbrokenTable, result: FitResult, layer: str) -> None:
     for name, constant in derived_shown(result).items():
         if name.split(".")[0] != layer:
             continue

@@ -6,7 +6,6 @@ from typing import Any
 import msgspec
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from ....fitters.diagnosis.decision_rules import NAMED
 from ....fitters.population.joint_diagnosis import JointDiagnosis, Recurring
@@ -16,7 +15,10 @@ from ....models.effects import find_effect
 from ....models.effects.base.effect import TERMINALS
 from .diagnosis_output import diagnosis_json
 from .population_table import population_json, population_table
+from .unbroken_table import Column, UnbrokenTable
 
+_SHOWN = 1e-6
+"""Smallest common error of the analyzer, of ln Z, that is told."""
 _FIXTURE = "fixture-residual"
 _TOLD = 0.01
 """Smallest probability at which another explanation is mentioned."""
@@ -106,11 +108,7 @@ def print_joint(console: Console, joint: JointDiagnosis) -> None:
     for sentence in shared_sentences(joint):
         console.print(f"- {sentence}", highlight=False, markup=False)
     bench = joint.shared
-    console.print(
-        f"- The analyzer's common error that the samples show: gain {100 * bench.gain:.2g} %, phase "
-        f"{1e3 * bench.phase:.2g} mrad at most.",
-        highlight=False,
-    )
+    console.print(f"- {_analyzer(bench)}", highlight=False)
     for one in bench.effects:
         console.print(_size_table(one))
     console.print(_own_table(joint))
@@ -123,6 +121,14 @@ def print_joint(console: Console, joint: JointDiagnosis) -> None:
     console.print(f"{len(joint.own)} samples in {joint.seconds:.1f} s", highlight=False)
 
 
+def _analyzer(bench: SharedBench) -> str:
+    """Return what the samples show of the analyzer's common error."""
+    if max(bench.gain, bench.phase) < _SHOWN:
+        return "The samples show no common error of the analyzer."
+    gain, phase = f"gain {100 * bench.gain:.2g} %", f"phase {1e3 * bench.phase:.2g} mrad"
+    return f"The analyzer's common error that the samples show: {gain}, {phase} at most."
+
+
 def _recurring(one: Recurring) -> str:
     ranges = [f"{name} {min(values):.3g} to {max(values):.3g}" for name, values in one.sizes.items()]
     return f"{one.effect} at {one.where}: each one's own in {', '.join(one.samples)}" + (
@@ -130,24 +136,21 @@ def _recurring(one: Recurring) -> str:
     )
 
 
-def _size_table(one: SharedEffect) -> Table:
+def _size_table(one: SharedEffect) -> UnbrokenTable:
     """Return a table of a shared effect's size from each sample alone."""
     name, size = next(iter(one.parameters.items()))
-    table = Table(
-        title=f"{one.effect}, {name} by each sample alone", title_justify="left", header_style="bold", box=SIMPLE_HEAD
-    )
-    for column in ("sample", f"{name}, {size.unit}", "ln evidence alone"):
-        table.add_column(column, justify="left" if column == "sample" else "right")
+    alone = (Column(head, justify="right") for head in (f"{name}, {size.unit}", "ln evidence alone"))
+    title = f"{one.effect}, {name} by each sample alone"
+    table = UnbrokenTable("sample", *alone, title=title, box=SIMPLE_HEAD)
     for sample, (value, u) in one.sizes.items():
         table.add_row(sample, with_uncertainty(value, u), f"{one.alone.get(sample, float('nan')):+.1f}")
     table.add_row("together", with_uncertainty(size.value, size.u), f"{one.gain:+.1f}", style="bold")
     return table
 
 
-def _own_table(joint: JointDiagnosis) -> Table:
-    table = Table(title="Each sample's own", title_justify="left", header_style="bold", box=SIMPLE_HEAD)
-    for column in ("sample", "verdict", "its own findings", "left of ln Z"):
-        table.add_column(column, overflow="fold")
+def _own_table(joint: JointDiagnosis) -> UnbrokenTable:
+    findings = Column("its own findings", prose=True)
+    table = UnbrokenTable("sample", "verdict", findings, "left of ln Z", title="Each sample's own", box=SIMPLE_HEAD)
     for sample, one in joint.own.items():
         findings = ", ".join(f"{f.effect} at {f.where} ({f.probability:.2f})" for f in one.findings)
         left = "-" if one.remaining is None else f"{100 * one.remaining.total:.2g} %"

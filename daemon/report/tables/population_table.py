@@ -7,12 +7,23 @@ from typing import Any
 import msgspec
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from ....fitters.population.population_statistics import DataSheet, Population, VarianceShare
 from ....fitters.population.random_effects import RandomEffects
+from .unbroken_table import Column, UnbrokenTable
 
-_COLUMNS = ("constant", "n", "mean", "variance", "sd", "between (95 %)", "within", "data sheet, build")
+_COLUMNS = (
+    Column("constant"),
+    Column("n", justify="right"),
+    Column("mean", justify="right"),
+    Column("variance", justify="right", spare=1),
+    Column("sd", justify="right"),
+    Column("between (95 %)", justify="right", spare=4),
+    Column("within", justify="right", spare=2),
+    Column("data sheet, build", justify="right", spare=3),
+)
+_NO_PERCENT = 0.05
+"""Deviation or tolerance in per cent that would be shown as 0.0."""
 _NAMED = 12
 """Greatest number of samples that the title names; more are only counted."""
 
@@ -25,14 +36,12 @@ def print_population(console: Console, population: Population) -> None:
         console.print(f"! {sentence}", style="yellow", highlight=False)
 
 
-def population_table(population: Population) -> Table:
+def population_table(population: Population) -> UnbrokenTable:
     """Return a table of each constant's mean, variance and standard deviation, between and within samples."""
     n = len(population.samples)
     named = f": {', '.join(population.samples)}" if n <= _NAMED else ""
     title = f"{n} sample{'' if n == 1 else 's'}{named}"
-    table = Table(title=title, title_justify="left", header_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in _COLUMNS:
-        table.add_column(column, justify="left" if column == "constant" else "right", overflow="fold")
+    table = UnbrokenTable(*_COLUMNS, title=title, box=SIMPLE_HEAD)
     layer = ""
     for name, part in _parts(population):
         owner = name.split(".")[0]
@@ -96,10 +105,11 @@ def _between(effects: RandomEffects | None) -> str:
 def _sheet(sheet: DataSheet | None) -> str:
     if sheet is None or sheet.percent is None:
         return ""
-    if sheet.limit is None:
-        return f"{_signed(sheet.percent)} %"
-    limit = 100 * sheet.limit / abs(sheet.nominal)
-    return f"{_signed(sheet.percent)} % of ±{limit:.{0 if limit >= 10 else 1}f} %"
+    percent = f"{_signed(sheet.percent)} %"
+    limit = 0.0 if sheet.limit is None else 100 * sheet.limit / abs(sheet.nominal)
+    if limit < _NO_PERCENT:
+        return "none" if abs(sheet.percent) < _NO_PERCENT else percent
+    return f"{percent} of ±{limit:.0f} %" if limit >= 10 else f"{percent} of ±{limit:.1f} %"
 
 
 def _signed(percent: float) -> str:

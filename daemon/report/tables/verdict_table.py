@@ -5,15 +5,16 @@ from typing import Any
 import msgspec
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from ....fitters.population.conformity import Conformity, SampleVerdict, Verdict
 from ....models.base.uncertain_numbers import with_uncertainty
+from .unbroken_table import Column, UnbrokenTable
 
 EXIT_STATUS: dict[Verdict, int] = {"pass": 0, "fail": 3, "undecided": 4}
 """Exit status of a command that judged a sample."""
 HEADS = ("constant", "value", "unit", "limits", "guard band", "probability", "verdict")
+_SPARE = {"guard band": 1, "probability": 2}
 _COLOURS = {"pass": "green", "undecided": "yellow", "fail": "bold red"}
 
 
@@ -21,9 +22,9 @@ def print_verdict(console: Console, verdict: SampleVerdict | None) -> None:
     """Print the verdict with a row for each limit; nothing if no limit applies."""
     if verdict is None:
         return
-    table = Table(header_style="bold", box=SIMPLE_HEAD)
-    for head in HEADS:
-        table.add_column(head)
+    *heads, last = HEADS
+    columns = (Column(head, spare=_SPARE.get(head, 0)) for head in heads)
+    table = UnbrokenTable(*columns, Column(last, prose=True), box=SIMPLE_HEAD)
     for one in verdict.limits:
         *cells, word = verdict_row(one)
         table.add_row(*cells, Text(word, style=_COLOURS[one.verdict]))

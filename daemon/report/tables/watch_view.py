@@ -1,6 +1,8 @@
 """The view of `pzctl watch`: the state of the newest measurement, or one line for each event."""
 
+import json
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -78,6 +80,18 @@ def sparkline(sweep: Sweep, width: int = _WIDTH) -> str:
     return "".join(_BARS[level] for level in levels)
 
 
+def _command(says: str) -> str:
+    """Return a command to the bench, `{"command":"step","name":"ml1"}`, as words: `step, name ml1`."""
+    try:
+        command = json.loads(says)
+    except ValueError:  # cut, as it was long
+        return says
+    if not isinstance(command, dict):
+        return says
+    words = cast("dict[str, object]", command)
+    return ", ".join(str(value) if key == "command" else f"{key} {value}" for key, value in words.items())
+
+
 def line(received: ReceivedEvent) -> str | None:
     """Return an event as one line, or None for a kind that is not shown."""
     event = received.event
@@ -95,6 +109,7 @@ def line(received: ReceivedEvent) -> str | None:
             return f"{of}diagnosis: {event.diagnosis.get('verdict')}"
         case StateEvent():
             who = event.fitter or (f"{event.sample.name} {event.sample.step}" if event.sample else "daemon")
-            return f"{who}: {event.state}{f', {event.says}' if event.says else ''}"
+            says = _command(event.says) if event.state == "bench" else event.says
+            return f"{who}: {event.state}{f', {says}' if says else ''}"
         case _:
             return None

@@ -29,6 +29,8 @@ def test_json_describes_each_effect_its_places_and_its_signature() -> None:
 def test_one_effect_is_described_and_an_unknown_one_is_refused() -> None:
     shown = " ".join(CliRunner().invoke(app, ["effects", "sweep-lag"]).stdout.split())
     assert "before the device had settled" in shown.replace("│ │ ", "")
+    void = " ".join(CliRunner().invoke(app, ["effects", "bond-void"]).stdout.split())
+    assert "Part of the bond at interface:disk|glue transmits" in void
     refused = CliRunner().invoke(app, ["effects", "gremlins"]).exception
     assert isinstance(refused, EffectError)
     assert "'gremlins'" in str(refused)

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from command_line import run_here
 
 import pzctl
 from pzctl.daemon.client.protocol import DaemonError
@@ -18,6 +20,7 @@ from pzctl.daemon.report.document.html_report import report_html
 from pzctl.daemon.samples.sample_record import sample_record
 from pzctl.daemon.samples.sample_selection import open_journal
 from pzctl.daemon.wire.events import DiagnosisEvent, SweepEvent
+from pzctl.drivers.recordings import write_csv
 from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"
@@ -128,3 +131,15 @@ def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
     archive.close()
     assert "marked: layer:disk" in page, "the picture is there, with its place marked"
     assert "bends with the oscillator level" in page
+
+
+def test_the_constants_are_shown_also_where_model_and_recording_agree(tmp_path: Path) -> None:
+    (tmp_path / "S1.toml").write_text(BUILD)
+    f = np.linspace(1e6, 8e6, 501)
+    rng = np.random.default_rng(3)
+    Z = pzctl.model(tmp_path / "S1.toml", "disk").impedance(f)
+    Z = Z * np.exp(1e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)))
+    write_csv(pzctl.Sweep(f, Z), tmp_path / "disk.csv")
+    done = run_here(tmp_path, "diagnose", "--build", "S1.toml", "--effects", "polarity", "--jobs", "1", "disk=disk.csv")
+    assert "agree" in done.stdout.splitlines()[0]
+    assert re.search(r"disk\.c33D +│ \d", done.stdout)

@@ -78,8 +78,10 @@ def test_ctrl_c_leaves_the_rest_which_the_same_command_measures(night: Path) -> 
     night.write_text(NIGHT.replace("0,2 s", "1 h"), encoding="utf-8")
     words = [PZCTL, "measure", "--queue", "night.toml", "--time-scale", "0"]
     environment = {**os.environ, "PZCTL_HOME": str(home), "PYTHONUNBUFFERED": "1"}
-    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True, cwd=home) as running:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, env=environment, stdout=pipe, stderr=pipe, text=True, cwd=home) as running:
         assert running.stdout is not None
+        assert running.stderr is not None
         lines: list[str] = []
         while sum("points in" in line for line in lines) < 2:
             lines.append(running.stdout.readline())
@@ -87,7 +89,9 @@ def test_ctrl_c_leaves_the_rest_which_the_same_command_measures(night: Path) -> 
         time.sleep(0.5)  # it waits for the hour now
         running.send_signal(signal.SIGINT)
         rest = running.stdout.read()
+        stopped = running.stderr.read()
     assert running.returncode == 130
+    assert stopped.endswith("pzctl: stopped; kept in the journal: X1 disk (2 times)\n")
     assert "2 of 3 measured; the same command continues with the 1 that are left" in rest
     night.write_text(NIGHT, encoding="utf-8")
     assert pzctl(home, "measure", "--queue", "night.toml", "--time-scale", "0").returncode == 0
@@ -146,3 +150,21 @@ def test_a_question_needs_a_person(night: Path) -> None:
     night.write_text(NIGHT.replace('sample = "X2"', 'sample = "X2"\nask = "X2 into the fixture"'), encoding="utf-8")
     done = pzctl(night.parent, "measure", "--queue", "night.toml")
     assert (done.returncode, "needs a person at a terminal" in done.stderr) == (2, True)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends the signal of Ctrl-C")
+def test_ctrl_c_in_the_first_sweep_says_that_nothing_was_complete(tmp_path: Path) -> None:
+    words = [PZCTL, "measure", "--step", "disk", "--time-scale", "1"]
+    environment = {**os.environ, "PZCTL_HOME": str(tmp_path), "PYTHONUNBUFFERED": "1"}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, env=environment, stdout=pipe, stderr=pipe, text=True, cwd=tmp_path) as running:
+        assert running.stdout is not None
+        assert running.stderr is not None
+        while "instrument:" not in (line := running.stdout.readline()):
+            assert line, "it ended before"
+        time.sleep(1)  # it sweeps now
+        running.send_signal(signal.SIGINT)
+        running.stdout.read()
+        stopped = running.stderr.read()
+    assert running.returncode == 130
+    assert stopped.endswith("pzctl: stopped; no measurement was complete\n")

@@ -42,6 +42,13 @@ def test_a_disk_with_two_layers(tmp_path: Path) -> None:
     assert "Ferroperm data sheet" in text
 
 
+def test_a_decimal_comma_gets_the_hint_of_the_build_file(tmp_path: Path) -> None:
+    done = answer(tmp_path / "S4.toml", "S4", "16,0", "wide", *[""] * 20)
+    assert done.exit_code == 0
+    assert "'16,0' is not possible; write numbers with a point, not as '16,0'" in done.stderr
+    assert "'wide' is not possible; a positive number is needed" in done.stderr
+
+
 @pytest.mark.parametrize("more", [(), (*[""] * 12, "y")], ids=["Enter everywhere", "a second layer"])
 def test_the_proposed_answers_are_a_build_of_the_simulated_bench(tmp_path: Path, more: tuple[str, ...]) -> None:
     done = answer(tmp_path / "S4.toml", *more, *[""] * 20)

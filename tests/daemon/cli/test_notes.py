@@ -180,12 +180,17 @@ def test_constants_against_temperature(tmp_path: Path, monkeypatch: pytest.Monke
     table = run("trend", "S1").stdout
     assert "disk.c33D" in table
     assert "library's a1" in table
+    assert "1e-6/K" in table
     assert "disk.kt" not in table, "it is the same at all temperatures"
     for words, sentence in (
         (["disk.c33"], "no fit has constant 'disk.c33' with temperature_C noted"),
         (["disk.c33D", "--against", "jig"], "no fit has constant 'disk.c33D' with jig noted"),
     ):
         assert sentence in str(run("trend", "S1", *words).exception)
+    put_noted(tmp_path, disk_build("S2").noted("disk", {"temperature_C": 22.5}))
+    once = str(run("trend", "S2").exception)
+    assert "only at 22.5; a trend of degree 1 needs at least 3 measurements, at 2 or more different values" in once
+    assert str(run("trend", "nosuch").exception) == str(run("show", "nosuch").exception)
 
 
 def test_a_trend_recovers_both_coefficients_and_states_its_uncertainty() -> None:

@@ -19,12 +19,14 @@ from pzctl.daemon.cli import main
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
-from pzctl.daemon.report.tables.population_table import population_table
+from pzctl.daemon.report.tables.joint_output import _analyzer
+from pzctl.daemon.report.tables.population_table import _sheet, population_table
 from pzctl.daemon.samples.sample_selection import folder_samples, journal_samples, sheets_of, step_of
 from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, sweep_columns
 from pzctl.drivers.recordings import write_csv
 from pzctl.fitters.interface import Constant, FitResult, Noise
-from pzctl.fitters.population.population_statistics import population
+from pzctl.fitters.population.population_statistics import DataSheet, population
+from pzctl.fitters.population.shared_effects import SharedBench
 from pzctl.models.build import Build
 from pzctl.models.stack import Elastic, HalfSpace, Piezo, Stack
 from pzctl.models.sweep import Sweep
@@ -266,7 +268,7 @@ def test_the_table_shows_a_row_for_each_part() -> None:
     values = (Constant(1.5e11 + k * 1e9, 1.6e9, 2e8, 1e7, "Pa") for k in range(3))
     fits = {f"S{k}": replace(fit, constants={"disk.c33D": value}) for k, value in enumerate(values)}
     table = population_table(population(fits, sheets_of([build("S")])))
-    cells = [list(column.cells) for column in table.columns]
+    cells = [table.column(k) for k in range(len(table.columns))]
     assert cells[0] == ["disk.c33D re, Pa", "disk.c33D im, Pa"]
     assert [cell[0] for cell in cells[1:]] == [
         "3",
@@ -278,6 +280,14 @@ def test_the_table_shows_a_row_for_each_part() -> None:
         "+4.6 % of ±10 %",
     ]
     assert [cell[1] for cell in cells[4:6]] == ["0", "0"]
+
+
+def test_what_does_not_show_is_not_told_as_zero_per_cent() -> None:
+    assert _sheet(DataSheet(1e-3, 1e-9, 1e-9, ())) == "none"
+    assert _sheet(DataSheet(1e-3, 0.0, 2e-5, ())) == "+0.0 % of ±2.0 %"
+    bench = SharedBench((), (), {}, 0.0, 0.0, {}, ())
+    assert _analyzer(bench) == "The samples show no common error of the analyzer."
+    assert "gain 0.01 %, phase 0 mrad at most" in _analyzer(replace(bench, gain=1e-4))
 
 
 @pytest.mark.parametrize(

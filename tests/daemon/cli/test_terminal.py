@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from pzctl.daemon.cli import app
 from pzctl.daemon.cli.lab import keys_commands as keys_room
 from pzctl.daemon.cli.records import journal_commands as journal_room
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
-from pzctl.daemon.report.tables.deviation import deviation
+from pzctl.daemon.report.tables.deviation import deviation, shift_text
 from pzctl.daemon.report.tables.fit_tables import fit_table, print_fit
 from pzctl.daemon.report.terminal import be_quiet, console
 from pzctl.fitters.engine.parameters.assembly import stack_of
@@ -59,6 +60,9 @@ def test_quiet_does_not_change_standard_output() -> None:
         (1.5144e11, 1.2e8, "1.5144(12)e11"),
         (5.1198e-4, 9.998e-7, "5.120(10)e-4"),
         (2455.0, 150.0, "2455(150)"),
+        (2455.0, 154.3, "2455(150)"),
+        (1641.0, 22214.0, "0(2)e4"),
+        (7694.0, 1520.0, "7.7(15)e3"),
         (0.0, 2e-3, "0.000(2)"),
         (7700.0, 0.0, "7700"),
         (2.8e6, 0.0, "2.8e6"),
@@ -83,6 +87,13 @@ def test_numbers_are_formatted_with_their_uncertainty(value: float, u: float | N
 )
 def test_a_deviation_counts_in_uncertainties_of_both(re: float, words: str, verdict: str) -> None:
     assert deviation(re, 1.0, Quantity(100.0, u=1.0), free=True) == (words, verdict)
+
+
+def test_a_shift_of_what_is_zero_within_its_uncertainty_counts_in_uncertainties() -> None:
+    constants = {"disk.h33": {"re": 2e9, "u_re": 1e7, "im": 1e3, "u_im": 1e5}}
+    assert shift_text("disk.h33", -0.004, constants) == "disk.h33 -0.4 %"
+    assert shift_text("disk.h33.im", 110.0, constants) == "disk.h33.im +1.1 u"
+    assert shift_text("disk.kt", 0.02, constants) == "disk.kt +2 %"
 
 
 def drawn(build: Build, colours: bool) -> str:
@@ -112,8 +123,8 @@ def test_a_constant_is_listed_once_in_any_order_of_the_constants() -> None:
     derived = {"disk.kt": Constant(0.48, 0.0, 0.01, 0.0, "1")}
     noise = Noise(1e-4, "repeats")
     result = FitResult("B", "disk2d", "1", ("disk",), noise, 1.0, constants, derived, (), 1e-4, True, 1, 0.1)
-    (column, *_) = fit_table(result, None).columns
-    assert [str(cell).strip() for cell in column.cells] == ["disk.c33E", "disk.thickness", "disk.kt", "area", "glue1.z"]
+    names = fit_table(result, None).column(0)
+    assert [name.strip() for name in names] == ["disk.c33E", "disk.thickness", "disk.kt", "area", "glue1.z"]
 
 
 PZCTL = Path(sys.executable).with_name("pzctl")
@@ -159,3 +170,15 @@ def test_a_picture_of_the_terminal_for_the_guides(tmp_path: Path) -> None:
     assert "url(http" not in svg, "nothing from outside"
     folder = Path(os.environ.get("PZCTL_SCREENSHOTS", tmp_path))
     (folder / "terminal-fit.svg").write_text(svg, encoding="utf-8")
+
+
+def test_a_quiet_daemon_says_nothing_when_all_is_well(
+    tmp_path: Path, wait_until: Callable[[Callable[[], object]], None]
+) -> None:
+    environment = {**os.environ, "PZCTL_HOME": str(tmp_path)}
+    words = [PZCTL, "daemon", "--quiet", "--time-scale", "0"]
+    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as daemon:
+        wait_until(lambda: (tmp_path / "daemon.json").exists() or daemon.poll() is not None)
+        stopped = subprocess.run([PZCTL, "daemon", "--stop"], env=environment, capture_output=True, check=False)
+        assert stopped.returncode == 0
+        assert daemon.communicate(timeout=60) == ("", "")

@@ -12,7 +12,8 @@ import pytest
 from pruned_hole import endpoints, prune_unheard
 
 from pzctl.daemon.client.client import connect
-from pzctl.daemon.report.tables.watch_view import sparkline
+from pzctl.daemon.report.tables.watch_view import line, sparkline
+from pzctl.daemon.wire.events import ReceivedEvent, StateEvent
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 
@@ -95,6 +96,11 @@ def test_without_a_daemon_it_says_so(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "no daemon runs" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_command_to_the_bench_is_told_in_words() -> None:
+    event = StateEvent(state="bench", says='{"command":"step","name":"ml1"}')
+    assert line(ReceivedEvent(event, {})) == "daemon: bench, step, name ml1"
 
 
 def test_the_sparkline_keeps_narrow_peaks() -> None:

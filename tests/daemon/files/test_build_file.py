@@ -190,6 +190,33 @@ def test_anything_wrong_is_one_sentence_that_names_the_place(old: str, new: str,
     assert "\n" not in sentence
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('name = "S4"', "name = S4  # mine", 'a text needs quotes: name = "S4"'),
+        ('material = "Pz27"', "material = Pz27", 'a text needs quotes: material = "Pz27"'),
+        ("[[layers]]", "[layers]", "write [[layers]] in double brackets, not [layers]"),
+        ("[[steps]]", "[steps]", "write [[steps]] in double brackets, not [steps]"),
+    ],
+)
+def test_usual_slips_get_a_hint(old: str, new: str, says: str) -> None:
+    assert old in S4
+    for count in (1, -1):
+        with pytest.raises(BuildError) as caught:
+            parse_build(S4.replace(old, new, count))
+        assert says in str(caught.value)
+
+
+def test_a_section_alone_in_single_brackets_gets_the_hint_too() -> None:
+    with pytest.raises(BuildError, match=r"layers is one table; write \[\[layers\]\] in double brackets before each"):
+        parse_build('name = "S"\ndiameter_mm = 16\n[load]\nback = "air"\nfront = "air"\n[layers]\nname = "disk"\n')
+
+
+def test_a_key_in_capitals_gets_the_one_in_small_letters_as_a_hint() -> None:
+    with pytest.raises(BuildError, match=r"Q \(of layer 'glue1'\) is not a known key; did you mean q\?"):
+        parse_build(S4.replace('name = "glue1"', 'name = "glue1"\nQ = 13', 1))
+
+
 def test_a_plan_can_have_current_drive_and_delays() -> None:
     plan = parse_build(
         S4.replace("oscillator_V = 0.5", "oscillator_mA = 5\npoint_delay_s = 0.01\nsweep_delay_s = 2")

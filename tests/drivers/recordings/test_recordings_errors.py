@@ -66,7 +66,11 @@ SEEDS = {"a.txt": EXPORT, "b.csv": KEYSIGHT, "c.csv": OWN, "d.s1p": TOUCHSTONE}
             "'theta' has no unit; a unit such as deg",
         ),
         ("a.csv", "frequency_Hz,R_furlong,X_ohm\n1e3,1,2\n2e3,1,2\n", "'R_furlong' has the unit 'furlong'"),
-        ("a.csv", "frequency_Hz,|Z|_ohm,n\n1e3,1,2\n2e3,1,2\n", "do not determine an impedance (recognised besides"),
+        (
+            "a.csv",
+            "frequency_Hz,|Z|_ohm,n\n1e3,1,2\n2e3,1,2\n",
+            "the columns frequency_Hz, |Z|_ohm, n do not determine an",
+        ),
         ("a.csv", "frequency_Hz,|Z|_ohm,Rs_ohm\n1e3,1,2\n", "|Z| and Rs (IMRS) do not say whether"),
         ("a.csv", "frequency_Hz,R_ohm,Rs_ohm,X_ohm\n1e3,1,2,3\n", "two columns give R; one is needed"),
         ("a.csv", "Freq(Hz),SWR,Return Loss(dB),Phase(deg),|Z|(ohm)\n1e3,1,2,3,4\n", "do not determine an impedance"),

@@ -82,6 +82,7 @@ def test_every_effect_of_the_design_is_there_and_speaks() -> None:
     for effect in catalogue():
         for text in (effect.says.format(where="layer:disk"), effect.separates, *effect.references):
             assert len(text) > 15, effect.name
+            assert "left-out physics" not in text, "no document that a user has"
     with pytest.raises(EffectError, match=r"'gremlins'.*cable"):
         find_effect("gremlins")
 
