@@ -7,7 +7,8 @@ from ...interface import Constant
 from ..findings import Diagnosis, NotDecidable
 
 _UNIFORM = 1 / sqrt(3)
-"""Standard deviation of a uniform distribution from zero to a limit, in limits (JCGM 100:2008, 4.3.7)."""
+"""Root mean square of a uniform distribution from zero to a limit, in limits (JCGM 100:2008, 4.3.7): the constants told
+are those without the effect."""
 
 
 def widened(diagnosis: Diagnosis) -> Diagnosis:
