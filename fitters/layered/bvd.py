@@ -5,7 +5,7 @@ as many as the recording has evidence for.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,34 +32,48 @@ _DEVICE = "device"
 _PAIRS = 6
 _MOST = 12
 """Budget: number of branches."""
-_TRIED = 2
-"""Budget: number of places at which a further branch is tried."""
+_TRIED, _TRIED_BESIDE = 2, 4
+"""Budget: number of places in the band at which a further branch is tried, and number of branches up to which one
+beside the band is tried too."""
+_TRIED_QUALITIES = 8.0, 25.0, 80.0, 250.0, 800.0
+_BESIDE, _EDGE = 1.03, 0.999
+"""Factor by which a branch beside the band is outside at the start; part of `_BEYOND` that it must stay within."""
 _BEYOND = 1.05
 """Factor by which a branch may resonate beyond the recorded band. Far beyond it is no resonance of the device, but its
 capacitance behind a lead."""
 _QUALITIES = 3.0, 1e5
 """Range of the quality factors of a further branch: a line that is broader belongs to the background."""
+_LEAST_QUALITY = 1.0
+"""That of a circuit's only branch, below which it is no resonance."""
 
 
 def _starts(sweep: Sweep) -> list[Lumped]:
-    """Return one circuit per resonance pair: branch from fs, fp and the level, quality from the largest G."""
-    w = 2 * np.pi * sweep.frequency
-    free = float(np.median(sweep.admittance.imag / w))
-    if free <= 0:
-        raise FitError(
-            f"{sweep.name or 'the recording'} is not capacitive: the median of B/w is {free:.3g} F; "
-            "a piezoelectric device off resonance is a capacitor, so the polarity or the wiring is wrong"
-        )
+    """Return one circuit per resonance pair: the branch from fs and fp, level and quality from the whole curve.
+
+    Raises FitError if there is no pair, or none whose circuit has the sign of the recording.
+    """
+    f, Y = sweep.frequency, sweep.admittance
     circuits: list[Lumped] = []
-    for fs, fp in resonance_pairs(sweep):
+    name = sweep.name or "the recording"
+    pairs = resonance_pairs(sweep)[:_PAIRS]
+    for fs, fp in pairs:
         ratio = (fp / fs) ** 2 - 1
-        C0 = free / (1 + ratio)
-        peak = float(np.interp(fs, sweep.frequency, sweep.admittance.real))
-        Q = max(3.0, peak / (2 * np.pi * fs * C0 * ratio))
-        circuits.append(Lumped(C0, (Branch.from_resonance(fs, Q, C0 * ratio),), tan_delta=5e-3))
+        x = f / fs
+        levels = [Y / (2j * np.pi * f * (1 + ratio / (1 - x**2 + 1j * x / Q))) for Q in _TRIED_QUALITIES]
+        sizes = [float(np.median(np.abs(level))) for level in levels]
+        misfits = [float(np.median(np.abs(level / C0 - 1))) for level, C0 in zip(levels, sizes, strict=True)]
+        k = int(np.argmin(misfits))
+        if float(np.median(levels[k].real)) > 0:
+            branch = Branch.from_resonance(fs, _TRIED_QUALITIES[k], sizes[k] * ratio)
+            circuits.append(Lumped(sizes[k], (branch,), tan_delta=5e-3))
+    if not pairs:
+        raise FitError(f"{name} shows no resonance with an antiresonance above it")
     if not circuits:
-        raise FitError(f"{sweep.name or 'the recording'} shows no resonance with an antiresonance above it")
-    return circuits[:_PAIRS]
+        raise FitError(
+            f"{name} is not capacitive: a piezoelectric device beside its resonances is a capacitor, so the polarity "
+            "or the wiring is wrong"
+        )
+    return circuits
 
 
 def _descend(sweep: Sweep, start: Lumped, noise: Reals, *, wired: bool = False) -> Descent:
@@ -114,13 +128,18 @@ def _with(sweep: Sweep, circuit: Lumped, one: Branch, sigma: Reals, *, wired: bo
             price, branches = _price(trial, sigma), _circuit(trial).branches
     except UNCOMPUTABLE:
         return None
-    low, high = float(sweep.frequency[0]), float(sweep.frequency[-1])
-    shown = all(low < branch.fs < high and _QUALITIES[0] < branch.Q < _QUALITIES[1] for branch in branches)
-    return (price, trial) if shown else None
+    return (price, trial) if _are_resonances(sweep, branches, _QUALITIES[0]) else None
+
+
+def _are_resonances(sweep: Sweep, branches: Sequence[Branch], least: float) -> bool:
+    """Return whether all branches resonate in the band or just beside it, with a quality factor of `least` or more."""
+    reach = _EDGE * _BEYOND
+    low, high = float(sweep.frequency[0]) / reach, float(sweep.frequency[-1]) * reach
+    return all(low < branch.fs < high and least < branch.Q < _QUALITIES[1] for branch in branches)
 
 
 def _further(sweep: Sweep, circuit: Lumped, sigma: Reals) -> list[Branch]:
-    """Return branches at the highest lines of conductance that a circuit leaves."""
+    """Return branches at the highest lines of conductance that a circuit leaves, and just beside the band."""
     f, Y = sweep.frequency, sweep.admittance
     left = (Y - 1 / circuit.impedance(f)).real
     significance = np.where(np.isfinite(sigma), left / (np.abs(Y) * sigma), 0.0)
@@ -138,13 +157,19 @@ def _further(sweep: Sweep, circuit: Lumped, sigma: Reals) -> list[Branch]:
         Q = float(np.clip(f[k] / width, *_QUALITIES))
         found.append(Branch.from_resonance(float(f[k]), Q, float(left[k] / (2 * np.pi * f[k] * Q))))
         significance[max(0, 2 * low - high) : 2 * high - low + 1] = 0.0
+    if len(circuit.branches) < _TRIED_BESIDE:
+        strongest = max(circuit.branches, key=lambda branch: branch.C)
+        beside = float(f[0]) / _BESIDE, float(f[-1]) * _BESIDE
+        found += [Branch.from_resonance(fs, strongest.Q, strongest.C / 2) for fs in beside]
     return found
 
 
 def _strongest_first(descent: Descent) -> list[int]:
-    """Return the numbers of the branches, the one with the largest capacitance first."""
-    branches = _circuit(descent).branches
-    return sorted(range(1, len(branches) + 1), key=lambda k: -branches[k - 1].C)
+    """Return the numbers of the branches, largest capacitance first; those that resonate beside the band come last."""
+    branches, (low, high) = _circuit(descent).branches, descent.objective.recordings[0].sweep.frequency[[0, -1]]
+    return sorted(
+        range(1, len(branches) + 1), key=lambda k: (not low <= branches[k - 1].fs <= high, -branches[k - 1].C)
+    )
 
 
 def circuit_of(result: FitResult) -> Lumped:
@@ -157,14 +182,15 @@ class ButterworthVanDyke:
     """An equivalent circuit for a device of unknown geometry."""
 
     name = "bvd"
-    version = "2"
+    version = "3"
     summary = "Butterworth-Van Dyke circuit C0 || R-L-C || ...; needs no build, for devices of unknown geometry"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the circuit to one recording, with as many branches as it has evidence for.
 
-        `branch1` has the largest capacitance, and `fs`, `fp`, `Qm` and `keff` are of it; the others follow in the order
-        of theirs. Raises FitError for more than one recording, or one without a resonance pair.
+        `branch1` has the largest capacitance of those that resonate in the band, and `fs`, `fp`, `Qm` and `keff` are of
+        it; the others follow in the order of theirs, and then those beside the band. Raises FitError for more than one
+        recording, or one without a resonance that a circuit can describe.
         """
         began = time.perf_counter()
         step, sweep, noise, sigma = _posed(task, progress)
@@ -243,10 +269,28 @@ def _posed(task: FitTask, progress: Callable[[str], None]) -> tuple[str, Sweep, 
 
 def _fitted(sweep: Sweep, sigma: Reals, progress: Callable[[str], None], *, wired: bool = False) -> Descent:
     """Return the fit of a circuit, `wired`: behind R and L. Raises FitError."""
-    descents = [_descend(sweep, start, sigma, wired=wired) for start in _starts(sweep)]
+    starts = _starts(sweep)
+    descents = [one for start in starts if (one := _first(sweep, start, sigma, wired=wired)) is not None]
+    if not descents:
+        low, high = sweep.frequency[[0, -1]] / 1e6
+        raise FitError(
+            f"{sweep.name or 'the recording'} shows no resonance that a circuit can describe: of {len(starts)} tried, "
+            f"none stays between {low:.4g} and {high:.4g} MHz with a quality factor above {_LEAST_QUALITY:g}"
+        )
     first = min(descents, key=lambda descent: descent.objective.recordings[0].misfit)
     best = _grown(sweep, first, sigma, progress, wired=wired)
     return replace(best, evaluations=sum(descent.evaluations for descent in descents))
+
+
+def _first(sweep: Sweep, start: Lumped, sigma: Reals, *, wired: bool) -> Descent | None:
+    """Return the fit of a single branch; None if it is no resonance, or leaves the recorded band."""
+    try:
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # of a branch that runs away
+            descent = _descend(sweep, start, sigma, wired=wired)
+            branches = _circuit(descent).branches
+    except UNCOMPUTABLE:
+        return None
+    return descent if _are_resonances(sweep, branches, _LEAST_QUALITY) else None
 
 
 def _says(chi2_per_dof: float, rms_log_error: float, branches: int) -> tuple[str, ...]:

@@ -17,14 +17,15 @@ _DERIVED_SHOWN = frozenset({"kt", "kp", "Qm", "tan_delta", "c33", "compliance", 
 
 
 def fit_table(result: FitResult, build: Build | None) -> UnbrokenTable:
-    """Return the table of a fit: constants with uncertainties beside their data sheet values."""
-    sheet, away = Column("data sheet, build", spare=1), Column("deviation", justify="right", spare=2)
-    table = UnbrokenTable("constant", "fitted", "unit", sheet, away)
+    """Return the table of a fit: constants with uncertainties, beside their data sheet values if there are any."""
     nominal = build.data_sheet if build is not None else {}
+    compared = any(name in nominal for name in result.constants)
+    sheet, away = Column("data sheet, build", spare=1), Column("deviation", justify="right", spare=2)
+    table = UnbrokenTable("constant", "fitted", "unit", *((sheet, away) if compared else ()))
     for layer in dict.fromkeys(name.split(".")[0] for name in result.constants):
         for name, constant in result.constants.items():
             if name.split(".")[0] == layer:
-                _row(table, name, constant, nominal.get(name))
+                _row(table, name, constant, nominal.get(name), compared=compared)
         _derived_rows(table, result, layer)
         table.add_section()
     return table
@@ -51,12 +52,13 @@ def _title(result: FitResult) -> str:
     return f"{result.build}: {steps} by {result.fitter} - {quality}, {noise}, {result.seconds:.2f} s"
 
 
-def _row(table: UnbrokenTable, name: str, constant: Constant, nominal: Quantity | None) -> None:
+def _row(table: UnbrokenTable, name: str, constant: Constant, nominal: Quantity | None, *, compared: bool) -> None:
     fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
     sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal is not None else ""
     words, verdict = deviation(constant.re, constant.u_re, nominal, constant.free)
     away = Text(words, style=_COLOURS.get(verdict, ""))
-    table.add_row(name, fitted, constant.unit, sheet, away, style=None if constant.free else "dim")
+    cells = (sheet, away) if compared else ()
+    table.add_row(name, fitted, constant.unit, *cells, style=None if constant.free else "dim")
 
 
 def _derived_rows(table: UnbrokenTable, result: FitResult, layer: str) -> None:
@@ -64,4 +66,4 @@ def _derived_rows(table: UnbrokenTable, result: FitResult, layer: str) -> None:
         if name.split(".")[0] != layer:
             continue
         fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
-        table.add_row(f"  {name}", fitted, constant.unit, "", "", style="italic")
+        table.add_row(f"  {name}", fitted, constant.unit, style="italic")

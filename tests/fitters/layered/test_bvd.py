@@ -1,9 +1,13 @@
 """The equivalent circuit: as many resonances as there are, none that is not there, and the same in SPICE."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from pzctl.fitters.interface import FitTask
+from pzctl.daemon.report.tables.fit_tables import fit_table
+from pzctl.drivers.recordings import read_recording
+from pzctl.fitters.interface import FitError, FitTask
 from pzctl.fitters.layered.bvd import ButterworthVanDyke, circuit_of
 from pzctl.models.base.arrays import Complexes, Frequencies
 from pzctl.models.circuits.lumped import Branch, Lumped
@@ -67,3 +71,51 @@ def test_the_netlist_has_the_impedance_of_the_circuit() -> None:
 def test_a_result_gives_its_circuit() -> None:
     result = ButterworthVanDyke().fit(FitTask(None, {"probe": (recorded(Lumped(5e-10, BRANCHES, 0.01), 4),)}))
     assert circuit_of(result).impedance(F) == pytest.approx(result.curves[0].fitted, rel=1e-9)
+
+
+def test_a_band_between_resonance_and_antiresonance_has_a_level() -> None:
+    """The median of B/w is negative in most of it, as in recordings of one mode."""
+    true = Lumped(5e-10, (Branch.from_resonance(1e6, 80, 1.5e-10),), tan_delta=0.01)
+    f = np.linspace(0.97e6, 1.16e6, 201)
+    assert np.median(true.impedance(f).imag) > 0
+    noise = 3e-4 * np.random.default_rng(1).normal(size=(2, f.size))
+    result = ButterworthVanDyke().fit(
+        FitTask(None, {"probe": (Sweep(f, true.impedance(f) * np.exp(noise[0] + 1j * noise[1])),)})
+    )
+    assert result.rms_log_error < 1e-3
+    assert result.constants["C0"].re == pytest.approx(5e-10, rel=0.02)
+
+
+def test_a_resonance_just_beside_the_band_is_a_branch_but_not_the_first() -> None:
+    true = Lumped(2e-9, (Branch.from_resonance(40e3, 80, 7e-11), Branch.from_resonance(52e3, 90, 1.6e-10)), 0.02)
+    f = np.linspace(25e3, 50e3, 201)
+    noise = 3e-4 * np.random.default_rng(1).normal(size=(2, f.size))
+    sweep = Sweep(f, true.impedance(f) * np.exp(noise[0] + 1j * noise[1]))
+    result = ButterworthVanDyke().fit(FitTask(None, {"probe": (sweep,)}))
+    assert result.rms_log_error < 1e-3
+    assert [branch.fs for branch in circuit_of(result).branches] == pytest.approx([40e3, 52e3], rel=1e-3)
+    assert result.derived["fs"].re == pytest.approx(40e3, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "left"),
+    [
+        ("disk-20x2/thickness-mode.csv", 0.15),
+        ("disk-35x2/radial-mode-1.csv", 0.05),
+        ("air-40khz/trans_25-50k_001_001.csv", 0.031),
+    ],
+)
+def test_real_recordings_of_one_mode(recordings: Path, name: str, left: float) -> None:
+    result = ButterworthVanDyke().fit(FitTask(None, {"probe": (read_recording(recordings / name),)}))
+    assert result.rms_log_error < left
+
+
+def test_a_recording_without_a_resonance_of_a_circuit_is_refused(recordings: Path) -> None:
+    sweep = read_recording(recordings / "pvdf-on-kapton" / "T61.csv")
+    with pytest.raises(FitError, match=r"^T61.csv shows no resonance that a circuit can describe: of 1 tried, none"):
+        ButterworthVanDyke().fit(FitTask(None, {"probe": (sweep,)}))
+
+
+def test_its_table_has_no_empty_columns() -> None:
+    result = ButterworthVanDyke().fit(FitTask(None, {"probe": (recorded(Lumped(5e-10, BRANCHES[:1]), 1),)}))
+    assert [column.header for column in fit_table(result, None).columns] == ["constant", "fitted", "unit"]
