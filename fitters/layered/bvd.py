@@ -66,7 +66,7 @@ def _starts(sweep: Sweep) -> list[Lumped]:
         if float(np.median(levels[k].real)) > 0:
             branch = Branch.from_resonance(fs, _TRIED_QUALITIES[k], sizes[k] * ratio)
             circuits.append(Lumped(sizes[k], (branch,), tan_delta=5e-3))
-    if not pairs:
+    if not pairs and float(np.median(Y.imag)) > 0:
         raise FitError(f"{name} shows no resonance with an antiresonance above it")
     if not circuits:
         raise FitError(
