@@ -28,7 +28,7 @@ from .hypotheses.problem import Candidate, Problem
 from .inference import finite_diameter as lateral
 from .inference.averaged_constants import averaged_constants
 from .inference.conclusion import Conclusion, NamedEffect, conclude
-from .inference.data_findings import of_the_data, verdict_with, where_disturbed
+from .inference.data_findings import POLARITY, of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, parameters_of
 from .inference.stated_effects import stated
 from .inference.undetectable import not_decidable
@@ -331,7 +331,7 @@ def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tupl
 
 def _refuse_impossible(wanted: _Wanted, choice: Sequence[Candidate], steps: Sequence[str]) -> None:
     """Raise TaskError if an effect that was asked for has no place in these steps, or is there already."""
-    tested = {one.effect.name for one in choice} | {one.name for one in wanted.known}
+    tested = {POLARITY, *(one.effect.name for one in choice), *(one.name for one in wanted.known)}
     for name in wanted.effects or ():
         if name not in tested:
             raise TaskError(

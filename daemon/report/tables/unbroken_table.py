@@ -49,8 +49,9 @@ class UnbrokenTable:
         self._box = box
 
     def add_row(self, *cells: str | Text, style: str | None = None) -> None:
-        """Add a row with one cell for each column; text is shown as it is, without markup."""
-        self.rows.append(_Row(tuple(Text(cell) if isinstance(cell, str) else cell for cell in cells), style))
+        """Add a row with cells for the first columns, the others empty; text is shown as it is, without markup."""
+        filled = (*cells, *[""] * (len(self.columns) - len(cells)))
+        self.rows.append(_Row(tuple(Text(cell) if isinstance(cell, str) else cell for cell in filled), style))
 
     def add_section(self) -> None:
         """Draw a line below the row that was added last."""

@@ -17,12 +17,15 @@ _BESIDE = 2.0
 _SPELLED = 3
 """Largest number of disturbances described in words."""
 
+POLARITY = "polarity"
+"""Effect that is put right before any fit, in every diagnosis."""
+
 
 def of_the_data(gated: Gated, chi2: float, held_out: float) -> list[Finding]:
     """Return the findings about the data; `chi2` and `held_out` are those of the fit to the corrected data."""
     turned = [
         _finding(
-            *("polarity", "terminals", step, 0.995, ()),
+            *(POLARITY, "terminals", step, 0.995, ()),
             moves=float("nan"),
             says=turned_says(step, how),
             chi2=(float("inf"), chi2),
