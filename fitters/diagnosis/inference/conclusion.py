@@ -86,16 +86,14 @@ def conclude(search: GreedySearch) -> Conclusion:
     null, certainties = search.null, Certainties(search)
     final, sure = _most_certain(search, certainties)
     after = constants_of(search.problem, final)
-    recordings = search.problem.recordings
-    accuracy = max(accuracy_of(one.sweep) for one in recordings)
-    noise = min(float(np.median(one.noise)) for one in recordings)
+    accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)
     named: list[NamedEffect] = []
     for one in final.effects:
         without = search.without(final, one)
         sizes = final.fit.sizes
         artefact = one.effect.name == UNKNOWN  # an error of the instrument itself
         error = accuracy * max(sizes.slow, sizes.fast, TOLERATED if artefact else 0.0)
-        matters = largest_of(search.problem, final, one) > max(error, noise)
+        matters = largest_of(search.problem, final, one) > error
         if not artefact:
             matters = matters or moves_a_constant(constants_of(search.problem, without), after)
         matters = matters and not (error > 0 and _is_the_fixture(search, one, final))
