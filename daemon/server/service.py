@@ -259,7 +259,7 @@ class Daemon:
         if isinstance(event, FitEvent):
             self._follow_up(event)
         if isinstance(event, StateEvent):
-            log.info("%s %s %s", event.state, event.measurement or event.fitter or "", event.says)
+            log.info("%s", " ".join(filter(None, (event.state, event.measurement or event.fitter, event.says))))
 
     def _follow_up(self, fit: FitEvent) -> None:
         """Start the diagnosis of a fit with a significant misfit, once for each measurement, in the background."""
