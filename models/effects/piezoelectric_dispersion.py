@@ -27,7 +27,6 @@ class PiezoelectricDispersion(Effect):
     references = (
         "Damjanovic, Rep. Prog. Phys. 61 (1998) 1267, section 6: logarithmic dispersion of piezoelectric coefficients",
         "Holland, IEEE Trans. Sonics Ultrason. 14 (1967) 18: complex elastic, dielectric and piezoelectric constants",
-        "left-out physics 4.4",
     )
 
     def places(self, stack: Stack) -> tuple[str, ...]:
