@@ -93,7 +93,7 @@ def test_a_fit_follows_a_curved_valley(nothing: FitTask) -> None:
         start = {name: knob.null for name, knob in knobs} | sizes
         return fitted(problem, both, {**problem.values, **start}, near=True, rounds=4).log_evidence
 
-    assert abs(evidence(0) - evidence(3)) < 15, "where in the valley it ends, rounding decides: ten nats, once in a while"
+    assert abs(evidence(0) - evidence(3)) < 15, "where in the valley it ends, rounding decides: ten nats at times"
 
 
 def test_the_score_test_ranks_the_true_effect_first(lead_case) -> None:
