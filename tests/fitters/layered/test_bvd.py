@@ -118,4 +118,4 @@ def test_a_recording_without_a_resonance_of_a_circuit_is_refused(recordings: Pat
 
 def test_its_table_has_no_empty_columns() -> None:
     result = ButterworthVanDyke().fit(FitTask(None, {"probe": (recorded(Lumped(5e-10, BRANCHES[:1]), 1),)}))
-    assert [column.header for column in fit_table(result, None).columns] == ["constant", "fitted", "unit"]
+    assert [column.name for column in fit_table(result, None).columns] == ["constant", "fitted", "unit"]
