@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import LossLaw, Piezo, Stack
-from ..stack.stack import Layer
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
-from .base.modified_laws import Relaxation, Slope
+from .base.modified_laws import Relaxation, Slope, with_piezo
 from .base.scale import resonance
 
 
@@ -58,13 +57,10 @@ class DielectricDispersion(Effect):
                 return falls
             return Relaxation(falls, reference, values["relaxation"], values["relaxation_frequency"])
 
-        def falling(layer: Layer) -> Layer:
-            if layer.name != name or not isinstance(layer, Piezo):
-                return layer
-            return replace(layer, eps_law=bend(layer.eps_law))
-
         bent = assembly.each_law(name, "dielectric", bend)
-        return bent.each_stack(lambda stack: replace(stack, layers=tuple(map(falling, stack.layers))))
+        return bent.each_stack(
+            lambda stack: with_piezo(stack, name, lambda layer: replace(layer, eps_law=bend(layer.eps_law)))
+        )
 
 
 EFFECT = DielectricDispersion()

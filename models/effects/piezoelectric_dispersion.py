@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ..stack import Piezo, Stack
-from ..stack.stack import Layer
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
-from .base.modified_laws import Relaxation, Slope
+from .base.modified_laws import Relaxation, Slope, with_piezo
 from .base.scale import resonance
 
 
@@ -50,14 +49,12 @@ class PiezoelectricDispersion(Effect):
         """Return the device with the piezoelectric constant of that layer as a function of frequency."""
         name, reference = layer_at(where), resonance(assembly.nominal)
 
-        def bent(layer: Layer) -> Layer:
-            if layer.name != name or not isinstance(layer, Piezo):
-                return layer
+        def bent(layer: Piezo) -> Piezo:
             falls = Slope(layer.h_law, reference, values["slope"])
             relaxes = Relaxation(falls, reference, values["relaxation"], values["relaxation_frequency"])
             return replace(layer, h_law=relaxes)
 
-        return assembly.each_stack(lambda stack: replace(stack, layers=tuple(map(bent, stack.layers))))
+        return assembly.each_stack(lambda stack: with_piezo(stack, name, bent))
 
 
 EFFECT = PiezoelectricDispersion()

@@ -165,3 +165,11 @@ def with_stiffness_law(stack: Stack, name: str, change: Callable[[LossLaw], Loss
         return replace(layer, law=change(layer.law)) if isinstance(layer, Elastic) else layer
 
     return replace(stack, layers=tuple(map(changed, stack.layers)))
+
+
+def with_piezo(stack: Stack, name: str, change: Callable[[Piezo], Piezo]) -> Stack:
+    """Return the stack with one piezoelectric layer changed."""
+    return replace(
+        stack,
+        layers=tuple(change(one) if one.name == name and isinstance(one, Piezo) else one for one in stack.layers),
+    )
