@@ -104,12 +104,17 @@ class ErrorColumns:
         """Return residuals of the corrected model as those of the uncorrected one, to first order."""
         return [own - part for own, part in zip(r, self.absorbed, strict=True)] if self.absorbed else list(r)
 
-    def scaled(self, sizes: Mapping[Part, float]) -> Reals:
-        """Return the prior standard deviation of each column's coefficient, shape (C,)."""
+    def present(self, sizes: Mapping[Part, float]) -> tuple[NDArray[np.intp], Reals]:
+        """Return indices of the columns that are there at these sizes, and standard deviations of their coefficients.
+
+        Each of shape (P,); those of the prior.
+        """
         plain: Reals = np.array([sizes[part] if part != "imaginary" else 0.0 for part in self.parts])
         free = np.array([part == "imaginary" for part in self.parts], dtype=np.float64)
         both = np.hypot(scales.IMAGINARY * sizes["tau"], self.losses * sizes["losses"])
-        return np.asarray(plain + free * both, np.float64)
+        scale = np.asarray(plain + free * both, np.float64)
+        on = np.flatnonzero(scale > 0)
+        return on, scale[on]
 
     def only(self, on: NDArray[np.intp]) -> "ErrorColumns":
         """Return the columns with these indices."""

@@ -159,9 +159,8 @@ class Gram:
     def _present(self, sizes: ErrorSizes) -> tuple[NDArray[np.intp], Reals, Reals, float]:
         """Return indices and scales of the columns that are there, and what `factored` returns for them."""
         G, _ = self._gram(sizes.colour, sizes.rough)
-        scale = self.columns.scaled(sizes.of_columns())
-        on = np.flatnonzero(scale > 0)
-        return on, scale[on], *factored(G[np.ix_(on, on)], scale[on])
+        on, d = self.columns.present(sizes.of_columns())
+        return on, d, *factored(G[np.ix_(on, on)], d)
 
     def exact(self, sizes: ErrorSizes) -> bool:
         """Return whether errors of these sizes are none but white noise, so that the likelihood is no approximation."""
@@ -262,10 +261,9 @@ class Held:
     @classmethod
     def of(cls, columns: ErrorColumns, sizes: ErrorSizes) -> Self:
         """Return the columns that are present at these sizes."""
-        scale = columns.scaled(sizes.of_columns())
-        on = np.flatnonzero(scale > 0)
+        on, d = columns.present(sizes.of_columns())
         kernel = Kernel(columns.points, sizes.colour, sizes.rough)
-        white, d = kernel.white(columns.only(on).blocks), scale[on]
+        white = kernel.white(columns.only(on).blocks)
         L, log_S = factored(white.squared(), d)
         return cls(sizes, kernel, white, on, d, L, log_S, columns)
 

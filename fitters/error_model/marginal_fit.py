@@ -190,12 +190,13 @@ class MarginalFit:
         They are in units of what is specified: the analyzer's accuracy, a fixture's usual residue, a value's tolerance.
         """
         columns = self.gram.columns
-        scale, z = columns.scaled(self.sizes.of_columns()), self.gram.coefficients(self.sizes)
+        on, _ = columns.present(self.sizes.of_columns())
+        z = self.gram.coefficients(self.sizes)
         made: dict[Part, tuple[float, int]] = {}
         for name in _NOT_OF_THE_MODEL:
-            own = np.array([part == name for part in columns.parts], dtype=bool) & (scale > 0)
-            if np.any(own):
-                made[name] = float(np.sum(z[own] ** 2)), int(np.count_nonzero(own))
+            own = [k for k in on.tolist() if columns.parts[k] == name]
+            if own:
+                made[name] = float(np.sum(z[own] ** 2)), len(own)
         return made
 
     @property

@@ -109,9 +109,8 @@ def _too_far(value: Value) -> float:
 def _by_source(found: MarginalFit, sizes: ErrorSizes, value: Value) -> tuple[dict[str, Reals], Reals, Reals]:
     """Return the covariance by source for errors of these sizes, that with held values, and that of the latter."""
     made = found.gram
-    scale = made.columns.scaled(sizes.of_columns())
-    on = np.flatnonzero(scale > 0)
-    columns, d = made.columns.only(on), scale[on]
+    on, d = made.columns.present(sizes.of_columns())
+    columns = made.columns.only(on)
     kernel = Kernel(columns.points, sizes.colour, sizes.rough)
     c, j = kernel.white(columns.blocks), kernel.white(made.J)
     S = np.eye(on.size) + d[:, None] * c.squared() * d
@@ -162,9 +161,8 @@ class AttributedErrors:
 def taken_up(found: MarginalFit) -> AttributedErrors:
     """Return the posterior mean of the errors of instrument and model."""
     sizes, made = found.sizes, found.gram
-    scale = made.columns.scaled(sizes.of_columns())
-    on = np.flatnonzero(scale > 0)
-    columns, d = made.columns.only(on), scale[on]
+    on, d = made.columns.present(sizes.of_columns())
+    columns = made.columns.only(on)
     none = tuple(np.zeros_like(r) for r in made.r)
     if not on.size:
         return AttributedErrors(none, none, none, tuple(made.r))

@@ -177,11 +177,10 @@ def _reduced(one: Hypothesis, sizes: ErrorSizes, shared: Sequence[Complexes]) ->
     """Return the Gram matrix of shared columns and residual, the sample's own part integrated out, and its ln det."""
     made = one.fit.gram
     parts = {**sizes.of_columns(), "slow": 0.0, "fast": 0.0, "fixture": 0.0, "tau": _HALF * sizes.tau}
-    scale = made.columns.scaled(parts)
-    on = np.flatnonzero(scale > 0)
+    on, d = made.columns.present(parts)
     kernel = Kernel(made.columns.points, sizes.colour, sizes.rough)
     blocks = [
-        np.concatenate([c[:, on] * scale[on], j, s, r[:, None]], axis=1)
+        np.concatenate([c[:, on] * d, j, s, r[:, None]], axis=1)
         for c, j, s, r in zip(made.columns.blocks, made.J, shared, made.r, strict=True)
     ]
     G = kernel.white(blocks).squared()

@@ -96,8 +96,8 @@ class Hypothesis:
     def errors(self) -> list[Complexes]:
         """Columns of ln Z of each recording by errors of instrument and model, shape (N, E), in standard deviations."""
         columns = self.fit.gram.columns
-        scale = columns.scaled(self.fit.sizes.of_columns())
-        return [block[:, scale > 0] * scale[scale > 0] for block in columns.blocks]
+        on, d = columns.present(self.fit.sizes.of_columns())
+        return [block[:, on] * d for block in columns.blocks]
 
     def projected(self, changes: list[list[Complexes]]) -> Reals:
         """Return changes of ln Z after projecting out the constants, as columns of shape (2N, K)."""

@@ -264,12 +264,10 @@ def _gains(
             for own, misfit in zip(columns.points, misfits, strict=True)
         )
         columns, sizes = ErrorColumns((), np.zeros(0), tuple(b[:, :0] for b in columns.blocks), points), ErrorSizes()
-    scale = columns.scaled(sizes.of_columns()) if columns.parts else np.zeros(0)
-    on = np.flatnonzero(scale > 0)
+    on, d = columns.present(sizes.of_columns())
     J = made.J
     blocks = [
-        np.concatenate([c[:, on] * scale[on], j, r[:, None]], axis=1)
-        for c, j, r in zip(columns.blocks, J, made.r, strict=True)
+        np.concatenate([c[:, on] * d, j, r[:, None]], axis=1) for c, j, r in zip(columns.blocks, J, made.r, strict=True)
     ]
     kernel = Kernel(columns.points, sizes.colour, sizes.rough)
     there, tried = kernel.white(blocks), kernel.white(changes)

@@ -101,10 +101,8 @@ class _Residual:
         gram = parent.fit.gram
         recordings = parent.objective.recordings
         at = [k for k, recording in enumerate(recordings) if recording.step == step]
-        own = np.array([part != "line" for part in gram.columns.parts], dtype=bool)
-        scale = gram.columns.scaled(sizes.of_columns()) * own
-        on = np.flatnonzero(scale > 0)
-        beside = [np.concatenate([gram.columns.blocks[k][:, on] * scale[on], gram.J[k]], axis=1) for k in at]
+        on, d = gram.columns.present({**sizes.of_columns(), "line": 0.0})
+        beside = [np.concatenate([gram.columns.blocks[k][:, on] * d, gram.J[k]], axis=1) for k in at]
         prior = np.zeros((beside[0].shape[1],) * 2)
         prior[: on.size, : on.size] = np.eye(on.size)
         prior[on.size :, on.size :] = gram.before.P
