@@ -74,6 +74,8 @@ SHARP = 20.0
 """Quality factor from which a resonance is a line, which stands out of smooth errors."""
 LINES = 8
 """Budget: weak lines of one step that become part of the error model."""
+SWITCHES = 3
+"""Budget: switches of the analyzer's range that become part of the error model."""
 HELD_READY = 6
 """Budget of memory: number of best hypotheses whose columns of errors are kept; those of others are made again."""
 RECHECKED = 12

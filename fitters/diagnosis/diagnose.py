@@ -243,7 +243,7 @@ def _told(
 ) -> Diagnosis:
     """Return what was found as a diagnosis."""
     progress, jobs, fitter, learn = wanted.progress, wanted.jobs, wanted.fitter, wanted.learn
-    problem = replace(search.problem, lines=())
+    problem = replace(search.problem, local=())
     progress("validating on held-out data")
     null, final = as_refit(problem, found.null), as_refit(problem, found.final)
     held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)

@@ -23,8 +23,8 @@ from .smooth_basis import smooth
 Part = str
 """Part of the error of a column.
 
-`slow`, `fast`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `uneven`, `shape`, `line`, or `formula`: the known
-error of an approximate model.
+`slow`, `fast`, `switch`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `uneven`, `shape`, `line`, or `formula`: the
+known error of an approximate model.
 """
 
 
@@ -124,6 +124,23 @@ class ErrorColumns:
         return replace(self, parts=parts, losses=self.losses[on], blocks=blocks, corrections=own)
 
 
+@dataclass(frozen=True)
+class RangeSwitch:
+    """A level of |Z| at which the analyzer changes its range: its gain and phase differ on either side of it."""
+
+    level: float
+    """Ohm."""
+
+    def step_of(self, recording: Recording) -> Reals:
+        """Return the usual step of ln |Z| above the level at each point, shape (N,)."""
+        above = np.abs(recording.sweep.impedance) > self.level
+        return np.asarray(scales.SWITCH * accuracy_of(recording.sweep) * above, np.float64)
+
+
+LocalError = WeakLine | RangeSwitch
+"""An error at a place of its own, which a recording shows."""
+
+
 @dataclass(frozen=True, eq=False)
 class LinearisedRecording:
     """A recording with the impedance and the derivatives of its model."""
@@ -206,7 +223,7 @@ def _of_parameters(model: Model) -> _Names:
 def columns_of(
     places: Sequence[LinearisedRecording],
     held: Sequence[HeldValue],
-    lines: Sequence[WeakLine] = (),
+    local: Sequence[LocalError] = (),
     *,
     means: Mapping[str, Reals] | None = None,
     in_time: Collection[str] = (),
@@ -248,7 +265,8 @@ def columns_of(
         of = _at(places, one.columns)
         everywhere = tuple(np.full(place.Z.size, complex(one.relative)) for place in places)
         add("held", 0.0, lambda p, of=of: of[id(p)], ColumnCorrection(HELD + one.name, everywhere))
-    _lines(add, places, lines)
+    _lines(add, places, [one for one in local if isinstance(one, WeakLine)])
+    _switches(add, places, [one for one in local if isinstance(one, RangeSwitch)])
     blocks = tuple(np.stack(own, axis=1) for own in made)
     points = tuple(_points(place) for place in places)
     return ErrorColumns(tuple(parts), np.array(of_losses), blocks, points, tuple(corrections), means=centres)
@@ -287,6 +305,19 @@ def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid) -
 
 def _gain(place: LinearisedRecording) -> float:
     return accuracy_of(place.recording.sweep)
+
+
+def _switches(add: _Add, places: Sequence[LinearisedRecording], switches: Sequence[RangeSwitch]) -> None:
+    """Add the steps of gain and phase where the analyzer changes its range, in all sweeps the same."""
+    for one in switches:
+        for unit in (1.0, 1j):
+            add("switch", 0.0, lambda p, one=one, unit=unit: _complex(unit * one.step_of(p.recording)))
+
+
+def switch_columns(recording: Recording, switch: RangeSwitch) -> Complexes:
+    """Return the columns of a switch of the range in a recording, of gain and of phase, shape (N, 2)."""
+    step = _complex(switch.step_of(recording))
+    return np.stack([step, 1j * step], axis=1)
 
 
 def _fixture(add: _Add, places: Sequence[LinearisedRecording]) -> None:

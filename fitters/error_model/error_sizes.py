@@ -101,7 +101,7 @@ class ErrorSizes:
     def of_columns(self) -> dict[str, float]:
         """Return the scale of each part that has columns."""
         sizes = {name: getattr(self, name) for name in GRIDS if name not in _DEAR}
-        return {**sizes, "line": 1.0, "formula": 1.0}
+        return {**sizes, "line": 1.0, "switch": 1.0, "formula": 1.0}
 
 
 USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0, uneven=1.0)

@@ -18,7 +18,7 @@ from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
 from ..engine.recording import Recording
 from .contained_errors import altered, layers_corrected
-from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, WeakLine, columns_of, place_of
+from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, LocalError, columns_of, place_of
 from .error_sizes import Beforehand, Gram
 
 _UNINFORMED = 1 / 9
@@ -71,7 +71,7 @@ class Marginal:
     """Weighted by noise alone."""
     known: Known = field(default_factory=Nothing)
     shapes: Shapes = field(default_factory=dict[str, FormulaError])
-    lines: tuple[WeakLine, ...] = ()
+    local: tuple[LocalError, ...] = ()
     corrections: Corrections | None = None
     """Corrections of constants about which the errors are linear; none: about exact constants."""
     means: Mapping[str, Reals] | None = None
@@ -83,12 +83,12 @@ class Marginal:
         objective: Objective,
         known: Known | None = None,
         shapes: Shapes | None = None,
-        lines: tuple[WeakLine, ...] = (),
+        local: tuple[LocalError, ...] = (),
     ) -> "Marginal":
         """Return the marginal fit of an objective, without the misfit weights of its recordings."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
         bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
-        return cls(bare, known or Nothing(), _shapes_of(bare, shapes or {}), lines)
+        return cls(bare, known or Nothing(), _shapes_of(bare, shapes or {}), local)
 
     def around(self, corrections: Corrections | None) -> "Marginal":
         """Return the same with errors that are linear about these corrections."""
@@ -127,7 +127,7 @@ class Marginal:
             places.append(place_of(replace(recording, model=model), shapes, rough, self._in_series(recording)))
         held = self._held(x)
         in_time = frozenset(name for name, error in self.shapes.items() if error.in_time)
-        made = columns_of(places, held, self.lines, means=self.means, in_time=in_time)
+        made = columns_of(places, held, self.local, means=self.means, in_time=in_time)
         if self.corrections is None:
             return made
         absorbed = [self._absorbed(place) for place in places]

@@ -26,7 +26,7 @@ _IDLE = 3
 """Rounds in succession in which the evidence has not grown, after which a fit ends: columns and sizes go to and fro."""
 _WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
-_NOT_OF_THE_MODEL = ("slow", "fast", "fixture", "held")
+_NOT_OF_THE_MODEL = ("slow", "fast", "switch", "fixture", "held")
 """Parts of the error that have physical sizes known beforehand."""
 
 

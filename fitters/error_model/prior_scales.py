@@ -8,6 +8,9 @@ INSTRUMENT = 8e-4
 above."""
 SLOW, FAST = 1.0, 0.25
 """Correlation lengths in ln f of gain and phase: of a calibration error, and of fixture errors or ripple."""
+SWITCH = 0.5
+"""Step of gain or phase where the analyzer changes its range, in units of its specification. That holds for all ranges
+and includes what they have in common, a third of it or more, so two of them differ by less."""
 FIXTURE = {"inductance": 1e-9, "resistance": 1e-2, "skin": 5e-3, "capacitance": 2e-14, "conductance": 3e-9}
 """Residuals of open and short compensation: H, ohm, ohm at 1 MHz, F, S."""
 LENGTH = 0.8

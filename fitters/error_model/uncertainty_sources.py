@@ -20,7 +20,7 @@ from .point_covariance import Kernel
 from .prior_scales import IMAGINARY
 
 SOURCES = ("noise", "instrument", "model", "dimensions", "assumptions")
-_INSTRUMENT = ("slow", "fast", "fixture")
+_INSTRUMENT = ("slow", "fast", "switch", "fixture")
 _UNSURE = ("tau", "slow", "fixture", "held")
 """Sizes over which an uncertainty is averaged: smooth errors of the instrument and of the constants describe much the
 same, but constants depend on which it is. Those of rough errors and of colour follow from the scatter of the points."""

@@ -13,7 +13,7 @@ from relaxing_disk import BUILD
 from pzctl.fitters.diagnosis.decision_rules import FALSE_ALARM, LEFT_AT_MOST
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
-from pzctl.fitters.diagnosis.search.weak_lines import with_weak_lines
+from pzctl.fitters.diagnosis.search.local_errors import with_local_errors
 from pzctl.fitters.diagnosis.validation.forecast import Forecast, forecast_of
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.parameters.assembly import stack_of
@@ -88,8 +88,8 @@ def fit_of(problem: Problem, law: LearnedLaw, values: dict[str, float]) -> Hypot
     one = Candidate(law, where, ("disk",), law.effect_parameters(STACK, where))
     start = {**problem.values, **{one.prefix + name: value for name, value in values.items()}}
     found = fitted(problem, (one,), start, barred=("tau",))
-    beside = with_weak_lines(problem, found)
-    return found if beside.lines == problem.lines else fitted(beside, (one,), found.values, near=True)
+    beside = with_local_errors(problem, found)
+    return found if beside.local == problem.local else fitted(beside, (one,), found.values, near=True)
 
 
 def outcomes(*, flawed: bool, wrong: bool = False, off: float = 0.0) -> list[tuple[Forecast | None, float]]:

@@ -185,7 +185,7 @@ def marginal_of(
     """Return the marginal fit with these effects, starting at `values`."""
     coordinates = coordinates_with(problem, effects, values)
     objective = Objective(recordings or problem.with_effects(effects), coordinates, problem.priors)
-    return Marginal.of(objective, SizePriors(effects, coordinates.free), formula_errors(effects), problem.lines)
+    return Marginal.of(objective, SizePriors(effects, coordinates.free), formula_errors(effects), problem.local)
 
 
 def fitted(

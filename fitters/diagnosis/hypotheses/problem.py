@@ -13,7 +13,7 @@ from ...engine.objective import Objective
 from ...engine.parameters.assembly import library_losses, priors_of
 from ...engine.parameters.coordinates import Block, Coordinates, between, hardly_negative, linear
 from ...engine.recording import Prior, Recording
-from ...error_model.error_columns import WeakLine
+from ...error_model.error_columns import LocalError
 from ...interface import FitTask
 from ..data_quality.colour_limit import colour_limit
 from ..data_quality.pole_fit import Frame, PoleFit, fit_poles
@@ -101,8 +101,8 @@ class Problem:
     """Start values of the fits."""
     proof: Masks = ()
     """Held-out points of every recording, as masks."""
-    lines: tuple[WeakLine, ...] = ()
-    """Further resonances that are part of the error model."""
+    local: tuple[LocalError, ...] = ()
+    """Weak lines and switches of the range that are part of the error model."""
     causal: tuple[PoleFit, ...] = ()
     """What any causal linear device could do, of each recording."""
     losses: tuple[Prior, ...] = ()

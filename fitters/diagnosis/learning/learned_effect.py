@@ -12,7 +12,7 @@ from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion
-from ..search.weak_lines import with_weak_lines
+from ..search.local_errors import with_local_errors
 from ..validation.forecast import forecast_of
 from .drawn_corrections import PlacedCorrection
 from .explanations import Choice, Explanation, better, chosen, distinct, enough, explains
@@ -75,7 +75,7 @@ class Learning:
 
     def _beside_lines_of(self, one: Hypothesis) -> Problem:
         """Return the problem with the weak lines beside which a hypothesis was fitted."""
-        return replace(self.problem, lines=one.fit.marginal.lines)
+        return replace(self.problem, local=one.fit.marginal.local)
 
     def extended(
         self, conclusion: Conclusion, parents: Sequence[Hypothesis]
@@ -178,7 +178,7 @@ class Learning:
         """
         best = choice.best.hypothesis
         try:
-            problem = with_weak_lines(self.problem, best)
+            problem = with_local_errors(self.problem, best)
             best = _beside(problem, best, barred=("tau",))
             made = fitted(problem, best.effects, best.values, (best.fit.sizes,), near=True)
         except UNCOMPUTABLE:
@@ -202,7 +202,7 @@ def _without_artefacts(problem: Problem, one: Hypothesis) -> list[Hypothesis]:
 
 def _beside(problem: Problem, one: Hypothesis, barred: Collection[str] = ()) -> Hypothesis:
     """Return a hypothesis fitted beside the weak lines of a problem, without the errors that are `barred`."""
-    if set(one.fit.marginal.lines) == set(problem.lines):
+    if set(one.fit.marginal.local) == set(problem.local):
         return one
     return usually_fitted(problem, one.effects, one.values, (one.fit.sizes, ErrorSizes()), barred=barred)
 

@@ -27,9 +27,9 @@ from ..hypotheses.hypothesis import Hypothesis, beside, coarseness
 from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
 from .fitted_hypotheses import FittedHypotheses
+from .local_errors import with_local_errors
 from .plan import Plan
 from .screening import ScreenedCandidate, resembling, screened
-from .weak_lines import with_weak_lines
 
 _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
@@ -58,7 +58,7 @@ class GreedySearch(FittedHypotheses):
         self._try_each_alone()
         self._extend()
         if self._whole is not None:
-            self.fit_again(replace(self._whole, lines=self.problem.lines), LIKELY)
+            self.fit_again(replace(self._whole, local=self.problem.local), LIKELY)
             self.polish()
         return self.probable[0]
 
@@ -72,7 +72,7 @@ class GreedySearch(FittedHypotheses):
         self.fit([Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
         if self.best is null:
             self.try_without_errors(null)
-            self.account_for_lines()
+            self.account_for_local_errors()
             self._grow_from_none()
 
     def _extend(self) -> None:
@@ -80,7 +80,7 @@ class GreedySearch(FittedHypotheses):
         self.polish()
         if self.best.effects:
             self.try_without_errors(self.best)
-        self.account_for_lines()
+        self.account_for_local_errors()
         for _ in range(MOST - 1):
             before, least = self.probable[0].key, self.best.log_weight + self.best.coarseness
             for parent in self._parents():
@@ -89,7 +89,7 @@ class GreedySearch(FittedHypotheses):
             # while much is missing all are about as probable: then the evidence tells whether anything was gained
             if self.exhausted or (self.probable[0].key == before and self.best.log_weight < least):
                 break
-        self.account_for_lines()
+        self.account_for_local_errors()
         self.relocate(self.probable[0])
         self.thin(self.probable[0])
         self.substitute(self.probable[0])
@@ -98,15 +98,15 @@ class GreedySearch(FittedHypotheses):
     def try_without_errors(self, start: Hypothesis) -> None:
         """Look for hypotheses that explain the recordings to their noise without any errors, beginning at `start`."""
         self.progress("trying effects without errors of instrument and model")
-        for one in exact_hypotheses(replace(self.problem, lines=()), self.candidates, start, self.jobs):
+        for one in exact_hypotheses(replace(self.problem, local=()), self.candidates, start, self.jobs):
             self.take(one)
 
-    def account_for_lines(self) -> None:
-        """Make the weak lines that the best hypothesis leaves part of the error model of all hypotheses."""
-        problem = with_weak_lines(self.problem, self.best)
+    def account_for_local_errors(self) -> None:
+        """Make the local errors that the best hypothesis leaves part of the error model of all hypotheses."""
+        problem = with_local_errors(self.problem, self.best)
         if problem is self.problem:
             return
-        self.progress(f"accounting for {len(problem.lines)} weak resonances")
+        self.progress(f"accounting for {len(problem.local)} weak resonances or switches of the range")
         self.fit_again(problem)
 
     def substitute(self, one: Hypothesis) -> None:

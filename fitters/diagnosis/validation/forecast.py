@@ -50,7 +50,7 @@ def forecast_of(problem: Problem, found: Hypothesis) -> Forecast | None:
     the other data. None if nothing is held out or a fit does not converge. Raises FitError or LinAlgError if a fit
     cannot be computed.
     """
-    whole = replace(problem, lines=found.fit.marginal.lines)
+    whole = replace(problem, local=found.fit.marginal.local)
     rest = _without_held_out(whole)
     numbers, of_all = _numbers(whole) - _numbers(rest), _numbers(whole)
     own = _fitted(rest, found, found.fit.sizes, fixed=False)

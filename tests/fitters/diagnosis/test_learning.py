@@ -175,7 +175,7 @@ def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
     null = fitted(problem, (), problem.values, near=True)
     found = sorted(weak_lines(null), key=lambda line: line.frequency)
     assert [line.frequency for line in found] == pytest.approx([f for f, _, _ in lines], rel=4e-3)
-    with_lines = fitted(replace(problem, lines=tuple(found)), (), null.values, (null.fit.sizes,), near=True)
+    with_lines = fitted(replace(problem, local=tuple(found)), (), null.values, (null.fit.sizes,), near=True)
     assert with_lines.log_evidence > null.log_evidence + 50
     nothing = Problem.of(solve(recorded(stack.impedance(F)), lambda _: None), None)
     assert weak_lines(fitted(nothing, (), nothing.values, near=True)) == ()
