@@ -1,7 +1,7 @@
 """Results of a diagnosis: the content of `pzctl diagnose --json`, and the data for its figures."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from ...models.build import EffectSpec
@@ -12,6 +12,8 @@ Verdict = Literal["no-mismatch", "explained", "partly-explained", "unexplained"]
 Bands = tuple[tuple[float, float], ...]
 _BORNE_OUT = 1.6
 """Misfit per degree of freedom up to which another sample confirms the findings completely."""
+_SHOWN_OFF = 2
+"""Values of the build whose deviations a sentence tells; the JSON has all."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,10 @@ class Remaining:
     device: float | None = None
     """Part of imperfections that every device has (losses that change over the band, weak resonances), and of errors of
     the effects' formulas."""
+    build: float | None = None
+    """Part of values that the build states without an uncertainty and that may be off all the same, mostly of glue."""
+    off: Mapping[str, float] = field(default_factory=dict[str, float])
+    """By how much the device's value of each differs, relative; the one that changes ln Z most first."""
     constants: float | None = None
     """Part of smooth errors of the model, as changes of its constants over frequency."""
     noise: float | None = None
@@ -75,7 +81,7 @@ class Remaining:
     @property
     def erring(self) -> bool:
         """Whether the errors of instrument, device and model together are larger than what is left as noise."""
-        errors = sum((part or 0.0) ** 2 for part in (self.instrument, self.device, self.constants))
+        errors = sum((part or 0.0) ** 2 for part in (self.instrument, self.device, self.build, self.constants))
         return errors > (self.noise or 0.0) ** 2
 
     @property
@@ -84,12 +90,18 @@ class Remaining:
         parts = {
             "instrument and fixture": self.instrument,
             "losses that change over the band, weak resonances and formulas of effects": self.device,
+            f"values that the build states without u (the device's {self._most_off})": self.build,
             "smooth errors of the model": self.constants,
             "noise": self.noise,
         }
         shown = sorted(((size, name) for name, size in parts.items() if size), reverse=True)
         causes = ", ".join(f"{name} {100 * size:.2g} %" for size, name in shown)
         return f"The fit leaves {100 * self.total:.2g} % of Z (rms). Its most probable causes: {causes}."
+
+    @property
+    def _most_off(self) -> str:
+        changes = list(self.off.items())[:_SHOWN_OFF]
+        return ", ".join(f"{name} {100 * change:+.2g} %" for name, change in changes)
 
 
 @dataclass(frozen=True)

@@ -152,8 +152,11 @@ class AttributedErrors:
     """Of a plausible size; what goes beyond it counts as an error of the model."""
     model: tuple[Complexes, ...]
     usual: tuple[Complexes, ...]
-    """Imperfections that every device has: weak lines, losses that change over the band, uneven thickness, and values
-    of the build that are off by no more than their tolerance."""
+    """Imperfections that every device has: weak lines, losses that change over the band, uneven thickness."""
+    held: tuple[Complexes, ...]
+    """Of values that the build holds as exact, off by no more than their tolerance."""
+    off: Mapping[str, float]
+    """By how much the device's value of each differs, relative; the one that changes ln Z most first."""
     left: tuple[Complexes, ...]
     """ln(Z_model/Z) minus all of these."""
 
@@ -165,7 +168,7 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
     columns = made.columns.only(on)
     none = tuple(np.zeros_like(r) for r in made.r)
     if not on.size:
-        return AttributedErrors(none, none, none, tuple(made.r))
+        return AttributedErrors(none, none, none, none, {}, tuple(made.r))
     kernel = Kernel(columns.points, sizes.colour, sizes.rough)
     c, r = kernel.white(columns.blocks), kernel.white([own[:, None] for own in made.r])
     S = np.eye(on.size) + d[:, None] * c.squared() * d
@@ -173,13 +176,27 @@ def taken_up(found: MarginalFit) -> AttributedErrors:
     plausible = {name: _plausible(*one) for name, one in found.deviations.items()}
     instrument = np.array([plausible[part] if part in _INSTRUMENT else 0.0 for part in columns.parts])
     held = np.array([plausible[part] if part == "held" else 0.0 for part in columns.parts])
-    usual = _usual_share(columns, sizes) + held
+    usual = _usual_share(columns, sizes)
 
     def share(part: Reals) -> tuple[Complexes, ...]:
         return tuple(b @ (part * a) for b in columns.blocks)
 
     left = tuple(own - b @ a for own, b in zip(made.r, columns.blocks, strict=True))
-    return AttributedErrors(share(instrument), share(1 - instrument - usual), share(usual), left)
+    model = 1 - instrument - usual - held
+    return AttributedErrors(share(instrument), share(model), share(usual), share(held), _off(columns, held * a), left)
+
+
+def _off(columns: ErrorColumns, a: Reals) -> dict[str, float]:
+    """Return by how much the device's value of what is held differs, relative, given the coefficients of the columns.
+
+    These describe ln(Z_model/Z): what they make of the model, the device lacks.
+    """
+    moved: dict[str, tuple[float, float]] = {}
+    for k, one in enumerate(columns.corrections):
+        if one is not None and columns.parts[k] == "held":
+            rms = float(np.sqrt(sum(np.sum(np.abs(b[:, k] * a[k]) ** 2) for b in columns.blocks)))
+            moved[one.name.removeprefix(HELD)] = rms, float(np.expm1(-a[k] * one.relative[0][0].real))
+    return {name: change for name, (_, change) in sorted(moved.items(), key=lambda item: -item[1][0])}
 
 
 def _plausible(squares: float, count: int) -> float:

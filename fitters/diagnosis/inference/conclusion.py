@@ -178,6 +178,8 @@ def remaining_of(one: Hypothesis) -> Remaining:
         total=_size(one.fit.left_by_the_model),
         instrument=_size(taken.instrument),
         device=_size(taken.usual),
+        build=_size(taken.held),
+        off={name: change for name, change in taken.off.items() if change},
         constants=_size(taken.model),
         noise=_size(taken.left),
     )

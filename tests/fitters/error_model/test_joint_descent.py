@@ -14,6 +14,7 @@ from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.error_model.joint_descent import JointPoint, descend
 from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.error_model.marginal_fit import fit
+from pzctl.fitters.error_model.uncertainty_sources import taken_up
 from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
@@ -126,6 +127,9 @@ def test_a_glue_that_is_not_the_librarys_is_found_from_the_build(build: Build, z
     corrections = found[0].minimum.corrections
     assert corrections
     assert np.exp(corrections.held["glue.z"]) == pytest.approx(z / 2.9e6, rel=0.1)
+    off = taken_up(found[0]).off
+    assert next(iter(off)) == "glue.z", "what changes the impedance most is told first"
+    assert 1 + off["glue.z"] == pytest.approx(z / 2.9e6, rel=0.15)
 
 
 def test_a_layer_that_has_vanished_comes_back(build: Build) -> None:
