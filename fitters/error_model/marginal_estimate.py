@@ -8,6 +8,7 @@ import numpy as np
 from ...models.base.arrays import Reals
 from ..engine.held_constants import held_constants
 from ..engine.objective import Objective
+from .at_resonance import at_resonance
 from .error_sizes import ErrorSizes
 from .marginal import Marginal
 from .marginal_fit import MarginalFit, fit
@@ -39,8 +40,9 @@ class MarginalEstimate:
 def marginal_estimate(objective: Objective, x: Reals) -> MarginalEstimate:
     """Fit with the error model, starting at a minimum `x` of least squares."""
     found = fit(Marginal.of(objective), x, rounds=2, compared=False)
-    spread = spread_of(found)
-    x = found.x + spread.mean
+    told = at_resonance(found)
+    spread = spread_of(told)
+    x = told.x + spread.mean
     values, chain = objective.coordinates.forward(x)
     of_x = spread.whole
     covariance = np.asarray(chain @ of_x @ chain.T)

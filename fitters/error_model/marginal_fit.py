@@ -10,6 +10,7 @@ import numpy as np
 from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects.base.corrected_constants import Corrections
+from ..engine.objective import LOADS
 from .error_columns import ErrorColumns, Part
 from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged, of_the_instrument, rough_guess
 from .joint_descent import CLOSE, NEAR, STEPS, JointPoint, descend
@@ -239,7 +240,7 @@ def fit(
     order = [name for name in ORDER if name not in barred]
     starts = _without(barred, starts)
     sizes = starts[0]
-    now = best = _Round.before(marginal, x, sizes)
+    now = best = _Round.before(marginal, _with_loads(marginal, x), sizes)
     converged, held, before, idle, steps = False, False, np.inf, 0, 0
     for k in range(rounds + _FURTHER if rounds and compared else rounds):
         if not (fixed or held):
@@ -270,6 +271,20 @@ def fit(
     marginal = now.marginal
     minimum = Minimum(now.x, sizes, converged, marginal.corrections, marginal.means, steps)
     return MarginalFit(marginal, minimum, now.made.value(sizes), now.made)
+
+
+def _with_loads(marginal: Marginal, x: Reals) -> Reals:
+    """Return coordinates from which the loads can come back.
+
+    Least squares may have driven that of a face in air to nothing, where no recording feels it: to minus 1e9 of it.
+    """
+    coordinates = marginal.objective.coordinates
+    loads = [k for k, name in enumerate(coordinates.free) if name in LOADS]
+    if not loads:
+        return x
+    made = x.copy()
+    made[loads] = coordinates.inverse(coordinates.forward(x)[0])[loads]
+    return made
 
 
 def _without(barred: Collection[str], some: Sequence[ErrorSizes]) -> tuple[ErrorSizes, ...]:

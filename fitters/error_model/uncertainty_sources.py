@@ -65,7 +65,9 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
     the sizes of smooth errors, weighted by their posterior probability, about its mean.
     """
     likely = _likely(found)
-    mean = sum((weight * value.step for _, value, weight in likely), np.zeros(len(found.x)))
+    # a step to the minimum completes a descent that was near it; that of one which has not arrived promises anything
+    promised = found.value.step if found.promised > 0 else np.zeros(len(found.x))
+    mean = sum((weight * (value.step - promised) for _, value, weight in likely), np.zeros(len(found.x)))
     names = _held_in(found.gram.columns)
     by = {name: np.zeros_like(found.value.H) for name in SOURCES}
     beside, of_held = np.zeros((len(mean), len(names))), np.zeros((len(names),) * 2)
@@ -73,7 +75,7 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
         own, across, off = _by_source(found, sizes, value)
         for name, part in own.items():
             by[name] += weight * part
-        away = value.step - mean
+        away = value.step - promised - mean
         by["instrument"] += weight * np.outer(away, away)
         if off.size:
             beside, of_held = beside + weight * across, of_held + weight * off

@@ -12,6 +12,7 @@ from ....models.effects.base.corrected_constants import Corrections
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Prior, Recording
+from ...error_model.at_resonance import at_resonance
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
@@ -116,6 +117,11 @@ class Hypothesis:
     def log_weight(self) -> float:
         """Logarithm of (marginal likelihood times prior odds)."""
         return self.log_evidence + self.log_odds
+
+    @cached_property
+    def told(self) -> MarginalFit:
+        """The fit with the constants that are told: those at the resonance."""
+        return at_resonance(self.fit)
 
     @cached_property
     def values(self) -> dict[str, float]:

@@ -38,13 +38,13 @@ def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
 
 
 def covariance_of(one: Hypothesis, coarseness: float = 1.0) -> Reals:
-    """Return the covariance of all model parameters.
+    """Return the covariance of all model parameters, constants of ceramics at the resonance.
 
     `coarseness` is the factor by which ln likelihood counts less (see `hypothesis.probabilities`), and by which the
     covariance is therefore larger; what follows from priors, such as the dimensions of a build, stays as it is.
     """
-    _, chain = one.objective.coordinates.forward(one.fit.x)
-    spread, known = spread_of(one.fit), ("dimensions", "assumptions")
+    _, chain = one.objective.coordinates.forward(one.told.x)
+    spread, known = spread_of(one.told), ("dimensions", "assumptions")
     whole = np.outer(spread.mean, spread.mean)
     whole += sum(part * (1.0 if name in known else coarseness) for name, part in spread.by.items())
     return np.asarray(chain @ whole @ chain.T, np.float64)
@@ -54,7 +54,7 @@ def constants_of(problem: Problem, one: Hypothesis, coarseness: float = 1.0) -> 
     """Return the constants with standard uncertainties; for `coarseness` see `covariance_of`."""
     covariance = covariance_of(one, coarseness)
     names = one.objective.coordinates.parameters
-    return problem.model.constants(problem.steps, one.values, names, covariance)
+    return problem.model.constants(problem.steps, one.told.values, names, covariance)
 
 
 def parameters_of(candidate: Candidate, one: Hypothesis, coarseness: float = 1.0) -> dict[str, Size]:
