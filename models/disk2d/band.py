@@ -18,12 +18,14 @@ from scipy.linalg import orth
 from ..base.arrays import Complexes, Frequencies, Reals
 from .full import Shape
 from .line_elements import Numbers, real_times
-from .reduced import ELASTIC, EPS11, EPS33, PIEZO, ReducedDisk
+from .reduced import ELASTIC, EPS11, EPS33, PIEZO, DiskError, ReducedDisk
 
 _BELOW, _ABOVE = 0.9, 1.1
 # Modes from 0.8 times the lowest to 1.2 times the highest frequency are included explicitly.
 _STATIC = 6
 # Number of static shapes at each end of the band and at its middle.
+_STATIC_LOADS = 2
+# The same for each load of a face: derivatives by the constants are then right to 2e-5 of the largest.
 _DEPENDENT = 1e-8
 # Static shapes that add less than this are dropped as linearly dependent.
 _NODES = np.array([-0.8660254037844386, 0.0, 0.8660254037844386])
@@ -48,17 +50,23 @@ class BandModes:
 
 
 def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -> BandModes:
-    """Return the modes of the disk for weights of TERMS, shape (13,); `rough`: without the losses between them."""
+    """Return the modes of the disk for weights of TERMS, shape (13,); `rough`: without the losses between them.
+
+    Raises DiskError for losses that are not finite.
+    """
     squared, shapes = np.linalg.eigh(disk.condensed(weights.real) / shape.mass)
     losses = None if rough else shapes.T @ (disk.losses(weights) / shape.mass) @ shapes
+    if losses is not None and not np.all(np.isfinite(losses)):
+        raise DiskError("the losses of these constants are not finite: they are those of no disk")
     force: Complexes = disk.force(weights)
     return BandModes(squared, shapes, losses, shapes.T @ force / shape.mass, weights)
 
 
-def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes) -> Numbers:
+def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes, loads: Reals | None = None) -> Numbers:
     """Return the basis W for frequencies from `low` to `high` in Hz, over the shapes of the reduced disk.
 
-    `weights`: of TERMS amid the band, shape (13,). Real for rough modes.
+    `weights`: of TERMS amid the band, shape (13,). `loads`: other forces whose response it has, over the shapes of the
+    reduced disk and the weight of the mass matrix, shape (nu, K). Real for rough modes.
     """
     bottom, top = (2 * np.pi * low) ** 2, (2 * np.pi * high) ** 2
     ends = np.searchsorted(modes.squared, [_BELOW**2 * bottom, _ABOVE**2 * top])
@@ -80,11 +88,19 @@ def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes) -
         return first - turn * (real_times(modes.losses, first) - diagonal[:, None] * first) * inverse
 
     static: list[Numbers] = []
-    column, squared = np.repeat(force[:, None], 3, axis=1), np.array([bottom, (bottom + top) / 2, top])
-    for _ in range(_STATIC):
-        column = answer(column, squared)
-        column = column / np.maximum(np.linalg.norm(column, axis=0), _TINY)
-        static.append(column)
+    places = np.array([bottom, (bottom + top) / 2, top])
+
+    def answered(forces: Numbers, times: int) -> None:
+        column, squared = np.repeat(forces, places.size, axis=1), np.tile(places, forces.shape[1])
+        for _ in range(times):
+            column = answer(column, squared)
+            column = column / np.maximum(np.linalg.norm(column, axis=0), _TINY)
+            static.append(column)
+
+    if np.any(force):  # no voltage drives antisymmetric motion
+        answered(force[:, None], _STATIC)
+    if loads is not None:
+        answered(modes.shapes.T @ loads, _STATIC_LOADS)
     still = orth(np.hstack(static), _DEPENDENT)
     near = modes.squared[inside]
     coordinates = np.zeros((own.size, near.size + still.shape[1]), still.dtype)
@@ -141,13 +157,21 @@ class Band:
 
         u H u + 2 u b, and what the potential beyond the electrodes adds where there is no displacement.
         """
+        y, form, _ = self.solve_with(np.zeros((self.mass.shape[0], 0)))
+        return y, form
+
+    def solve_with(self, loads: Numbers) -> tuple[Complexes, Complexes, Complexes]:
+        """Return the same, and the displacement by each of `loads`, over the shapes, (m, K): shape (K, N, m)."""
         squared = (2 * np.pi * self.frequency) ** 2
         at, nodes = self._nodes()
         force = self.weights[:, PIEZO] @ self.drive + at @ np.array([self._beyond(w) for w in nodes])
         matrices = np.array([self._condensed(w) for w in nodes])
-        made = _by_poles(matrices, self.mass, at, force, squared) if len(nodes) == _NODES.size else None
-        y, form = made or _by_each(matrices, self.mass, at, force, squared)
-        return y, form + self._still()
+        count = self.frequency.size
+        every = np.concatenate([force, *(np.broadcast_to(-one, force.shape) for one in loads.T)])
+        at, squared = np.tile(at, (1 + loads.shape[1], 1)), np.tile(squared, 1 + loads.shape[1])
+        made = _by_poles(matrices, self.mass, at, every, squared) if len(nodes) == _NODES.size else None
+        y, form = made or _by_each(matrices, self.mass, at, every, squared)
+        return y[:count], form[:count] + self._still(), y[count:].reshape(loads.shape[1], count, y.shape[1])
 
     def _nodes(self) -> tuple[Reals, Complexes]:
         """Return the weight of each node at each frequency, shape (N, 3), and the weights of TERMS there, (3, 13).
@@ -228,7 +252,7 @@ def _by_poles(
     for _ in range(_ROUNDS):
         coupled = at[:, [0]] * (y @ moved[0]) + at[:, [2]] * (y @ moved[2])
         after = (drive - coupled) / own
-        change = np.abs(after - y).max(axis=1) / np.abs(after).max(axis=1)
+        change = np.abs(after - y).max(axis=1) / np.maximum(np.abs(after).max(axis=1), _TINY)
         if change.max() < _TOLERANCE:
             # stationary: of this y the form is right to the square of the change
             return after @ X.T, np.einsum("ni,ni->n", y, own * y + coupled - 2 * drive)

@@ -34,7 +34,7 @@ class CapacitanceSlopes:
     """F, shape (N,)."""
 
 
-def _bands(frequency: Frequencies) -> list[slice]:
+def bands_of(frequency: Frequencies) -> list[slice]:
     """Return slices of rising frequencies, none wider than an octave."""
     octaves: Reals = np.log2(frequency / frequency[0])
     width = float(octaves[-1])
@@ -44,21 +44,55 @@ def _bands(frequency: Frequencies) -> list[slice]:
     return [slice(low, high) for low, high in pairwise(ends) if high > low]
 
 
-def _bands_of(
-    disk: ReducedDisk, shape: Shape, weights: Complexes, frequency: Frequencies, rough: bool
-) -> list[tuple[slice, Band]]:
+def middle_of(weights: Complexes, frequency: Frequencies) -> Complexes:
+    """Return the weights of TERMS amid rising frequencies, shape (13,). Raises DiskError if any is not finite."""
     if not np.all(np.isfinite(weights)):
         raise DiskError("these constants are not finite: they are those of no disk")
     middle = int(np.searchsorted(frequency, math.sqrt(float(frequency[0]) * float(frequency[-1]))))
-    modes = modes_of(disk, shape, weights[min(middle, frequency.size - 1)], rough)
-    if modes.losses is not None and not np.all(np.isfinite(modes.losses)):
-        raise DiskError("the losses of these constants are not finite: they are those of no disk")
+    return weights[min(middle, frequency.size - 1)]
+
+
+def _in_bands(
+    disk: ReducedDisk, shape: Shape, weights: Complexes, frequency: Frequencies, rough: bool
+) -> list[tuple[slice, Band]]:
+    modes = modes_of(disk, shape, middle_of(weights, frequency), rough)
     made: list[tuple[slice, Band]] = []
-    for part in _bands(frequency):
+    for part in bands_of(frequency):
         f = frequency[part]
         shapes = band_shapes(modes, float(f[0]), float(f[-1]), weights[part][f.size // 2])
         made.append((part, Band.of(disk, shapes, shape, f, weights[part])))
     return made
+
+
+def assembled_slopes(
+    shape: Shape,
+    constants: Complexes,
+    frequency: Frequencies,
+    capacitance: Complexes,
+    by_term: Complexes,
+    by_mass: Complexes,
+) -> CapacitanceSlopes:
+    """Return the derivatives of a capacitance, shape (N,), from those of the form by the weights of its terms.
+
+    `constants`: shape (N, 10); `by_term`: of TERMS, shape (N, 13); `by_mass`: of the mass matrix, shape (N,).
+    """
+    weights, lengths = shape.weights(constants), shape.lengths
+    empty = np.pi * shape.radius**2 / shape.thickness
+    still = constants[:, _EPS33S] * empty
+    by_term = -4 * np.pi * by_term
+    by_density = 4 * np.pi * (2 * np.pi * frequency) ** 2 * by_mass
+    by_constant = np.zeros(constants.shape, np.complex128)
+    for k, constant in enumerate(OF_TERM.tolist()):
+        by_constant[:, constant] += by_term[:, k] * lengths[k]
+    by_constant[:, _EPS33S] += empty
+    scaled = by_term * weights
+    return CapacitanceSlopes(
+        capacitance,
+        by_constant,
+        scaled @ POWERS + 2 * by_density + 2 * still,
+        scaled @ (1 - POWERS) + by_density - still,
+        by_density,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,27 +112,11 @@ class SolvedDisk:
     @cached_property
     def slopes(self) -> CapacitanceSlopes:
         """The derivatives, which cost no further solution, since the form is stationary, but half as much again."""
-        weights, lengths = self.shape.weights(self.constants), self.shape.lengths
-        empty = np.pi * self.shape.radius**2 / self.shape.thickness
-        still = self.constants[:, _EPS33S] * empty
-        by_term = np.zeros(weights.shape, np.complex128)
+        by_term = np.zeros((self.frequency.size, OF_TERM.size), np.complex128)
         by_mass = np.zeros(self.frequency.size, np.complex128)
         for part, band, y in self._parts:
             by_term[part], by_mass[part] = band.slopes(y)
-        by_term *= -4 * np.pi
-        by_density = 4 * np.pi * (2 * np.pi * self.frequency) ** 2 * by_mass
-        by_constant = np.zeros(self.constants.shape, np.complex128)
-        for k, constant in enumerate(OF_TERM.tolist()):
-            by_constant[:, constant] += by_term[:, k] * lengths[k]
-        by_constant[:, _EPS33S] += empty
-        scaled = by_term * weights
-        return CapacitanceSlopes(
-            self.capacitance,
-            by_constant,
-            scaled @ POWERS + 2 * by_density + 2 * still,
-            scaled @ (1 - POWERS) + by_density - still,
-            by_density,
-        )
+        return assembled_slopes(self.shape, self.constants, self.frequency, self.capacitance, by_term, by_mass)
 
 
 def solved(
@@ -111,7 +129,7 @@ def solved(
     """
     made = constants[:, _EPS33S] * np.pi * shape.radius**2 / shape.thickness
     parts: list[tuple[slice, Band, Complexes]] = []
-    for part, band in _bands_of(disk, shape, shape.weights(constants), frequency, rough):
+    for part, band in _in_bands(disk, shape, shape.weights(constants), frequency, rough):
         y, form = band.solve()
         made[part] -= 4 * np.pi * form
         parts.append((part, band, y))

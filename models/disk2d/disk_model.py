@@ -9,15 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ..base.face_loads import FACES, Dot
 from ..base.model import Model
 from ..base.names import require
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
 from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, require_positive
 from .capacitance import CapacitanceSlopes, SolvedDisk, solved
+from .dotted import DottedDisk, FreeDisk, PlacedDot
 from .full import Shape
+from .loadable import LoadableDisk
 from .matrices import CONSTANTS
-from .reduced import ReducedDisk
+from .reduced import DiskError, ReducedDisk
 
 _KEPT = 4
 # Results that a disk and its copies keep.
@@ -25,7 +28,7 @@ _KEPT = 4
 
 @dataclass(frozen=True)
 class Disk2D:
-    """A free round disk, electrodes over both faces. Satisfies `Model`.
+    """A round disk, electrodes over both faces, free but for dots on these. Satisfies `Model`, `HasLaws`, `HasFaces`.
 
     `reduced` must have been made for a like D/t, for constants like these and up to the highest frequency asked of
     it: `error.estimate` says whether it serves.
@@ -49,6 +52,10 @@ class Disk2D:
     """The same for both permittivities."""
     rough: bool = False
     """Accurate to a thousandth or so, at half the cost: for a search."""
+    loadable: Callable[[], LoadableDisk] | None = field(default=None, compare=False, repr=False)
+    """Gives the reduced disk whose faces can be loaded, for a like D/t as `reduced`; None: they cannot be."""
+    dots: tuple[PlacedDot, ...] = ()
+    """What lies on the faces."""
     _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
     """The last results of this disk and of copies with other values: a fit asks for values first, then derivatives."""
 
@@ -90,6 +97,18 @@ class Disk2D:
             return replace(self, elastic=change(self.elastic or self.law))
         return replace(self, dielectric=change(self.dielectric or self.law))
 
+    @property
+    def open_faces(self) -> tuple[str, ...]:
+        """The front, if a face can be loaded: the back is like it."""
+        return () if self.loadable is None else FACES[1:]
+
+    def with_dot(self, where: str, dot: Dot) -> Self:
+        """Return the disk with a dot on this face, beside what is on the other. Raises DiskError; see `HasFaces`."""
+        if self.loadable is None or where not in FACES:
+            raise DiskError(f"disk {self.name!r}: nothing can lie on {where!r} of this model")
+        others = tuple(one for one in self.dots if one.where != where)
+        return replace(self, dots=(*others, PlacedDot(where, dot)))
+
     def over(self, frequency: Frequencies) -> Complexes:
         """Return the ten constants at each frequency in Hz, SI units, shape (N, 10)."""
         return np.array([continued(self.law_of(c), getattr(self.constants, c), frequency)[0] for c in CONSTANTS]).T
@@ -121,6 +140,22 @@ class Disk2D:
         made = self._slopes(frequency)
         return -np.sum(made.by_constant * (other.over(frequency) - self.over(frequency)), axis=1) / made.capacitance
 
+    def moved_by_loads(self, frequency: Frequencies, other: Model) -> Complexes:
+        """Return ln Z of a disk with slightly different dots less that of this one, to first order, shape (N,)."""
+        if not isinstance(other, Disk2D):
+            raise TypeError(f"{type(other).__name__} is no disk in two dimensions")
+        own = self._solved(frequency)
+        change = own.rising.moved(other.dots) if isinstance(own.rising, DottedDisk) else None
+        if change is not None:
+            return -change[own.back] / own.capacitance
+        # what is not there yet adds little, and no difference of two sums of modes shows that
+        return (self.added_by_dots(frequency) - other.added_by_dots(frequency)) / own.capacitance
+
+    def added_by_dots(self, frequency: Frequencies) -> Complexes:
+        """Return what dots add to the capacitance, F, shape (N,)."""
+        own = self._solved(frequency)
+        return own.rising.added[own.back] if isinstance(own.rising, DottedDisk) else np.zeros_like(own.capacitance)
+
     def _slopes(self, frequency: Frequencies) -> CapacitanceSlopes:
         """Return the capacitance and its derivatives, in the order of `frequency`."""
         return self._solved(frequency).slopes
@@ -132,10 +167,19 @@ class Disk2D:
                 return known
         order = np.argsort(frequency)
         rising = frequency[order]
-        made = solved(self.reduced, self.shape, self.over(rising), rising, self.rough)
-        known = _Known(self, frequency.copy(), made, np.argsort(order))
-        self._known[:] = [known, *self._known[: _KEPT - 1]]
-        return known
+        made = _Known(self, frequency.copy(), self._over_rising(rising), np.argsort(order))
+        self._known[:] = [made, *self._known[: _KEPT - 1]]
+        return made
+
+    def _over_rising(self, frequency: Frequencies) -> "SolvedDisk | DottedDisk":
+        if not self.dots or self.loadable is None:
+            return solved(self.reduced, self.shape, self.over(frequency), frequency, self.rough)
+        for known in self._known:
+            own, alike = known.rising, replace(known.disk, dots=self.dots) == self
+            if alike and isinstance(own, DottedDisk) and np.array_equal(own.bare.frequency, frequency):
+                return own.bare.with_dots(self.dots)
+        free = FreeDisk(self.loadable(), self.shape, self.over(frequency), frequency, self.rough)
+        return free.with_dots(self.dots)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +188,7 @@ class _Known:
 
     disk: Disk2D
     frequency: Frequencies
-    rising: SolvedDisk
+    rising: SolvedDisk | DottedDisk
     back: NDArray[np.intp]
 
     @cached_property

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 
 from ..base.arrays import Complexes, Frequencies, Reals
 from .line_elements import LineElements, Matrix, Numbers, real_times
-from .matrices import CONSTANTS, OF_TERM, POWERS, Matrices, assemble
+from .matrices import CONSTANTS, OF_TERM, POWERS, Face, Matrices, assemble
 
 _ORDER_R, _ORDER_Z = 7, 8
 _SIZES = {"c": 1e11, "e": 30.0, "eps": 9e-9}
@@ -66,11 +66,13 @@ class FullDisk:
     matrices: Matrices
 
     @classmethod
-    def of(cls, diameter_to_thickness: float, finer: int = 0, electrode: float = 1.0) -> Self:
+    def of(
+        cls, diameter_to_thickness: float, finer: int = 0, electrode: float = 1.0, antisymmetric: bool = False
+    ) -> Self:
         """Return the mesh for this D/t; `finer` adds that many orders and elements per half thickness.
 
         `electrode`: radius of both electrodes over that of the disk; the mesh is graded towards their edge, so that it
-        moves with it and its unknowns keep their meaning.
+        moves with it and its unknowns keep their meaning. `antisymmetric`: see `assemble`.
         """
         elements = max(1, ceil(diameter_to_thickness)) * (1 + finer)
         ends_r, ends_z = np.linspace(0.0, 1.0, elements + 1), np.array([0.0, 1.0])
@@ -82,12 +84,20 @@ class FullDisk:
             ends_r = np.concatenate([ends_r, electrode + (1 - electrode) * np.sort(np.append(2 * near, 1.0))])
             ends_z = np.sort(np.append(ends_z, 1 - near))
         along_r = LineElements(ends_r, order_r + finer)
-        return cls(assemble(along_r, LineElements(ends_z, order_z + 2 * finer), electrode=electrode))
+        along_z = LineElements(ends_z, order_z + 2 * finer)
+        return cls(assemble(along_r, along_z, electrode=electrode, antisymmetric=antisymmetric))
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return self.matrices.size
+
+    @property
+    def face(self) -> Face:
+        """The upper face. Raises ValueError for a section that has none."""
+        if self.matrices.face is None:
+            raise ValueError("this section has no face")
+        return self.matrices.face
 
     @cached_property
     def scale(self) -> Reals:

@@ -65,6 +65,18 @@ class LineElements:
         parts = [low + (high - low) * (own[:-1] + 1) / 2 for low, high in pairwise(self.breaks.tolist())]
         return np.concatenate([*parts, self.breaks[-1:]])
 
+    def values(self, at: Reals) -> Matrix:
+        """Return the nodal functions at positions from the first to the last break, shape (P, size)."""
+        order, own = self.order, _element(self.order)[0]
+        element = np.clip(np.searchsorted(self.breaks, at, "right") - 1, 0, self.breaks.size - 2)
+        low, high = self.breaks[element], self.breaks[element + 1]
+        vandermonde = np.polynomial.legendre.legvander(own, order)
+        local = np.polynomial.legendre.legvander(2 * (at - low) / (high - low) - 1, order)
+        entries = np.linalg.solve(vandermonde.T, local.T).T
+        rows = np.repeat(np.arange(at.size), order + 1)
+        columns = (element[:, None] * order + np.arange(order + 1)).ravel()
+        return sp.csr_array(sp.coo_array((entries.ravel(), (rows, columns)), shape=(at.size, self.size)))
+
     def integral(self, first: int, second: int, weight: Callable[[Reals], Reals] = np.ones_like) -> Matrix:
         """Return the integrals of weight N_i N_k, shape (size, size); `first`, `second`: 1 for the derivative, or 0.
 

@@ -5,6 +5,8 @@ Linear piezoelectricity with axial symmetry. On the way of integration the stati
 and with r = a x, z = b y (radius a, half thickness b) each of its terms is a constant times a^k b^(1-k) times a matrix
 that depends on neither. So one set of matrices serves every ceramic and every size of a disk. The faces z = +-b
 carry the electrodes and nothing else; by symmetry u_r is even in z, u_z and phi are odd, and half a disk is enough.
+What loads one face also causes the opposite motion, u_r odd, u_z and phi even, which no voltage does: the same half
+disk with other conditions at z = 0.
 Basis functions are products of functions of x and of y, the matrices Kronecker products of line integrals.
 """
 
@@ -13,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..base.arrays import Reals
 from .line_elements import LineElements, Matrix, Numbers
@@ -54,6 +57,18 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
+class Face:
+    """The upper face of a mesh."""
+
+    line: LineElements
+    """Elements along x = r/a."""
+    radial: NDArray[np.intp]
+    """Unknown that is u_r of each node of the line; -1 on the axis, where there is none."""
+    axial: NDArray[np.intp]
+    """Unknown that is u_z of each node."""
+
+
+@dataclass(frozen=True, eq=False)
 class Matrices:
     """The terms of H over (u_r, u_z, phi within, electrode), real symmetric, each of shape (n + 1, n + 1).
 
@@ -65,6 +80,8 @@ class Matrices:
     mass: Matrix
     moving: int
     """Number of unknowns that are displacements."""
+    face: Face | None = None
+    """None for a section whose faces nothing loads."""
 
     @property
     def size(self) -> int:
@@ -73,27 +90,39 @@ class Matrices:
 
 
 def assemble(
-    along_r: LineElements, along_z: LineElements, *, move_in_plane: bool = True, electrode: float = 1.0
+    along_r: LineElements,
+    along_z: LineElements,
+    *,
+    move_in_plane: bool = True,
+    electrode: float = 1.0,
+    antisymmetric: bool = False,
 ) -> Matrices:
     """Return the matrices on a mesh of x and y. Without `move_in_plane` u_r is zero: the laterally clamped plate.
 
-    `electrode`: radius of both electrodes over that of the disk, an end of elements along r.
+    `electrode`: radius of both electrodes over that of the disk, an end of elements along r. `antisymmetric`: of the
+    motion with u_r odd in z, whose electrodes have the same potential, so that no voltage drives it.
     """
     nr, nz = along_r.size, along_z.size
     places = np.arange(nr * nz).reshape(nr, nz)
     within = np.ones((nr, nz), np.bool_)
-    within[:, 0] = False
+    within[:, 0] = antisymmetric
     within[along_r.nodes < electrode + _SAME, -1] = False
-    kept = (places[1:] if move_in_plane else places[:0], places[:, 1:], places[within])
+    in_plane = places[1:, 1:] if antisymmetric else places[1:]
+    kept = (in_plane if move_in_plane else places[:0], places if antisymmetric else places[:, 1:], places[within])
     columns: list[Matrix] = []
     for field, free in enumerate(kept):
         columns.append(unit_columns(free.ravel() + field * nr * nz, 3 * nr * nz))
     volt = np.zeros((3 * nr * nz, 1))
-    volt[2 * nr * nz :, 0] = np.tile(along_z.nodes / 2, nr)  # the field of one volt between parallel electrodes
+    if not antisymmetric:
+        volt[2 * nr * nz :, 0] = np.tile(along_z.nodes / 2, nr)  # the field of one volt between parallel electrodes
     keep = sp.csr_array(sp.hstack([*columns, sp.csr_array(volt)]))
 
     *terms, mass = (gathered(parts, keep, nr * nz) for parts in blocks_of(along_r, along_z))
-    return Matrices(tuple(terms), mass, kept[0].size + kept[1].size)
+    moving = np.concatenate([kept[0].ravel(), kept[1].ravel() + nr * nz])
+    number = np.full(2 * nr * nz, -1)
+    number[moving] = np.arange(moving.size)
+    face = Face(along_r, number[places[:, -1]], number[places[:, -1] + nr * nz])
+    return Matrices(tuple(terms), mass, moving.size, face)
 
 
 def gathered(parts: Mapping[tuple[int, int], Matrix], keep: Matrix, count: int) -> Matrix:

@@ -19,8 +19,11 @@ DENSITY = 7800.0
 _CENTRE = np.array([125e9, 80e9, 80e9, 117e9, 22.5e9, -5.0, 16.0, 11.5, 8.5e-9, 7.5e-9])
 _SPREAD = np.array([0.16, 0.2, 0.16, 0.12, 0.18, 0.5, 0.16, 0.25, 0.3, 0.3])
 # Centre and half width of the range of constants; it contains every complete set of the material library.
-_SAMPLES = 14
+SAMPLES = 14
+"""Number of ceramics from which the shapes are taken."""
 _JITTER = 0.02  # of the aspect ratio
+SHIFTED = 22
+"""Vectors of the Krylov space of the voltage around each frequency."""
 _ENOUGH = 1e-4
 _ADDED = 12
 _ROUNDS = 6
@@ -44,21 +47,31 @@ def trained(
 
     `progress` is called with the number of finished and of all samples. Raises DiskError for a D/t beyond 2 to 60.
     """
+    shifts, rng = shifts_of(diameter_to_thickness), np.random.default_rng(0)
+    full = FullDisk.of(diameter_to_thickness, electrode=electrode)
+    snapshots: list[Reals] = []
+    for k in range(SAMPLES):
+        shape = jittered(diameter_to_thickness, rng)
+        constants = sampled(rng)
+        snapshots += [krylov(full, shape, constants, shift, SHIFTED) for shift in shifts]
+        progress(k + 1, SAMPLES)
+    return ReducedDisk.of(full, *split(full, snapshots))
+
+
+def shifts_of(diameter_to_thickness: float) -> list[float]:
+    """Return the frequencies in Hz around which a disk one metre thick is sampled. Raises DiskError for its D/t."""
     if not SMALLEST <= diameter_to_thickness <= LARGEST:
         raise DiskError(
             f"disk of diameter/thickness {diameter_to_thickness:.3g}: the two-dimensional model covers "
             f"{SMALLEST:g} to {LARGEST:g}"
         )
-    full, rng = FullDisk.of(diameter_to_thickness, electrode=electrode), np.random.default_rng(0)
     count = math.ceil(3 * max(1.0, math.sqrt(diameter_to_thickness / 10)))
-    shifts = (HIGHEST * (np.arange(count) + 0.5) / count).tolist()
-    snapshots: list[Reals] = []
-    for k in range(_SAMPLES):
-        shape = Shape(diameter_to_thickness / 2 * (1 + _JITTER * rng.uniform(-1, 1)), 1.0, DENSITY)
-        constants = sampled(rng)
-        snapshots += [krylov(full, shape, constants, shift, 22) for shift in shifts]
-        progress(k + 1, _SAMPLES)
-    return ReducedDisk.of(full, *split(full, snapshots))
+    return (HIGHEST * (np.arange(count) + 0.5) / count).tolist()
+
+
+def jittered(diameter_to_thickness: float, rng: np.random.Generator) -> Shape:
+    """Return a disk one metre thick of about this D/t."""
+    return Shape(diameter_to_thickness / 2 * (1 + _JITTER * rng.uniform(-1, 1)), 1.0, DENSITY)
 
 
 def enriched(full: FullDisk, reduced: ReducedDisk, shape: Shape, snapshots: Sequence[Reals]) -> ReducedDisk:

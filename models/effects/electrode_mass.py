@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from ..base.face_loads import FACES
 from ..stack import Elastic, Stack
 from .base.added_layer import is_face_of_one_ceramic, with_layer_on_piezo, with_layer_opposite
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, EffectParameter, interfaces
+from .base.effect import Effect, EffectParameter, interfaces
 from .base.scale import areal_mass
 
 _RIGID, _PASTE, _SOFTEST = 1e9, 1.5e7, 2e6

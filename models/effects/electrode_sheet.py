@@ -6,9 +6,10 @@ import numpy as np
 from scipy.special import ive, kve
 
 from ..base.arrays import Complexes, Impedances
+from ..base.face_loads import FACES
 from ..stack import Piezo, Stack
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, EffectParameter, Stage, interfaces
+from .base.effect import Effect, EffectParameter, Stage, interfaces
 from .base.scale import reactance
 
 

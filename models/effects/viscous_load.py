@@ -4,10 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ..base.face_loads import FACES
 from ..stack import Stack
 from ..stack.loads import ShearedLiquid
 from .base.assembly import Assembly
-from .base.effect import FACES, Effect, EffectParameter
+from .base.effect import Effect, EffectParameter
 from .base.modified_loads import resting_on
 from .base.scale import acoustic_impedance, resonance
 

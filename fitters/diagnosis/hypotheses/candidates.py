@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ....models.base.face_loads import FACES
 from ....models.base.model import Model
 from ....models.effects import Device, Effect, EffectParameter
-from ....models.effects.base.assembly import HasLaws
-from ....models.effects.base.effect import FACES, SWEEP, TERMINALS, interfaces, is_bare_front
+from ....models.effects.base.effect import SWEEP, TERMINALS, interfaces, is_bare_front
 from ....models.stack import Stack
 from ...user_effects import every_effect
 from .instrument_artefacts import ANY, FLAWS
@@ -22,7 +22,8 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
     terminals may be present in all steps, from one step onwards (another clip), or in one; an effect of the sweep in
     all steps or in one. The front of a step is buried by the next one, so it belongs to its step alone, unless the
     effect stays there: a mass on the disk's front is later one between the disk and what is glued to it.
-    A model that is no stack can only have effects outside of it, and those of its layers' laws if it has laws.
+    A model that is no stack can only have effects outside of it, those of its layers' laws if it has laws, and those on
+    its faces if it has faces.
     """
     wanted = None if names is None else set(names)
     considered = [effect for effect in every_effect() if wanted is None or effect.name in wanted]
@@ -40,8 +41,8 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
     devices = {recording.step: recording.model for recording in problem.recordings}
     stacks = [device.reference for device in devices.values() if isinstance(device, Device)]
     for step, device in devices.items():
-        if isinstance(device, Device) and _possible(effect, device.bare):
-            for where in effect.looked_for(device.reference):
+        if isinstance(device, Device):
+            for where in effect.looked_for_in(device.bare, device.reference):
                 there = _covered(device.reference, stacks) if effect.stays and where == FACES[1] else None
                 places.setdefault(there or where, []).append(step)
     found: list[Candidate] = []
@@ -49,7 +50,7 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
         device = devices[steps[-1]]
         if not isinstance(device, Device):
             continue
-        effect_parameters = effect.effect_parameters(device.reference, where)
+        effect_parameters = effect.parameters_in(device.bare, device.reference, where)
         if not effect_parameters:
             continue
         effect_parameters = tuple(_recorded(problem, knob) for knob in effect_parameters)
@@ -66,11 +67,6 @@ def _covered(stack: Stack, stacks: Sequence[Stack]) -> str | None:
     """Return the interface that the front of a stack becomes in a later one of `stacks`; None if it stays free."""
     there = [where for other in stacks for where in interfaces(other) if is_bare_front(stack, where)]
     return there[0] if there else None
-
-
-def _possible(effect: Effect, model: Model) -> bool:
-    """Return whether a model can have an effect: a stack any, another one what is outside of it or bends its laws."""
-    return effect.outside or isinstance(model, Stack) or (effect.of_laws and isinstance(model, HasLaws))
 
 
 def _is_known(device: Model, effect: Effect, where: str) -> bool:

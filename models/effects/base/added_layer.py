@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
+from ...base.face_loads import FACES
 from ...stack import Layer, Piezo, Stack
 from ...stack.row import Joins
-from .effect import FACES, interface_at
+from .effect import interface_at
 
 
 def with_layer_between(stack: Stack, where: str, layer: Layer | Joins) -> Stack:

@@ -13,6 +13,7 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from ...base.face_loads import Dot, HasFaces
 from ...base.model import Model
 from ...stack import LossLaw, Stack, Strips
 from ...stack.loss_laws import ComplexLike, LawKind
@@ -197,6 +198,10 @@ class Assembly:
             return self
         return replace(self, whole=self.whole.with_law(layer, kind, change))
 
+    def on_face(self, where: str, dot: Dot) -> Self:
+        """Return the assembly with a dot on a face, if the device is no stack but has faces (else see `split`)."""
+        return replace(self, whole=self.whole.with_dot(where, dot)) if isinstance(self.whole, HasFaces) else self
+
     def split(self, change: Callable[[ParallelSection], Sequence[ParallelSection]]) -> Self:
         """Return the assembly with every part of the face divided into several."""
         return replace(self, parts=tuple(section for part in self.parts for section in change(part)))
@@ -324,9 +329,18 @@ class Assembly:
         """
         if not isinstance(self.whole, HasLawSlopes) or other.whole is None:
             return None
+        return self._moved(frequency, self.whole.moved_by_laws(frequency, other.whole))
+
+    def moved_by_loads(self, frequency: Frequencies, other: Self) -> Complexes | None:
+        """Return the same for slightly different loads of its faces; None if the device is a stack."""
+        if not isinstance(self.whole, HasFaces) or other.whole is None:
+            return None
+        return self._moved(frequency, self.whole.moved_by_loads(frequency, other.whole))
+
+    def _moved(self, frequency: Frequencies, of_whole: Complexes) -> Complexes:
+        """Return the change of ln Z as seen if ln Z of the device itself changes by this little, shape (N,)."""
         within = self._within(frequency)
-        moved = -within * self.whole.moved_by_laws(frequency, other.whole)
-        return self._seen(frequency, within, moved[None])[1][0]
+        return self._seen(frequency, within, -within * of_whole[None])[1][0]
 
 
 @dataclass(frozen=True, eq=False)

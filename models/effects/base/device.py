@@ -105,7 +105,7 @@ class Device:
     def with_effect(self, effect: Effect, where: str, values: Mapping[str, float] | None = None) -> Self:
         """Return the device with an additional effect, its parameters at null unless given."""
         nominal = self.reference
-        null = {knob.name: knob.null for knob in effect.effect_parameters(nominal, where)}
+        null = {knob.name: knob.null for knob in effect.parameters_in(self.bare, nominal, where)}
         added = (*self.added, Added(effect, where, {**null, **(values or {})}))
         return replace(self, added=added, nominal=nominal)
 
@@ -187,7 +187,7 @@ class Device:
         nominal = self.reference
         return {
             added_effect.prefix: {
-                knob.name: knob for knob in added_effect.effect.effect_parameters(nominal, added_effect.where)
+                knob.name: knob for knob in added_effect.effect.parameters_in(self.bare, nominal, added_effect.where)
             }
             for added_effect in self.added
         }
@@ -211,7 +211,9 @@ class Device:
             return np.zeros_like(steady)
         step = small_step(knob, value)
         moved, own = self.replace({name: value + step}).assembly, self.assembly
-        change = own.moved_by_laws(frequency, moved) if added_effect.effect.of_laws else None
+        effect, change = added_effect.effect, None
+        if effect.of_laws or effect.of_faces:
+            change = (own.moved_by_laws if effect.of_laws else own.moved_by_loads)(frequency, moved)
         if change is None:
             change = moved.steady(frequency) / steady - 1
         recorded = own.as_recorded(moved, frequency)

@@ -7,9 +7,11 @@ from enum import IntEnum
 from itertools import pairwise
 from typing import ClassVar
 
+from ...base.face_loads import HasFaces
+from ...base.model import Model
 from ...base.names import numbered
 from ...stack import Stack
-from .assembly import Assembly
+from .assembly import Assembly, HasLaws
 
 TERMINALS = "terminals"
 SWEEP = "sweep"
@@ -124,6 +126,9 @@ class Effect(ABC):
     of_laws: ClassVar[bool] = False
     """Whether it bends a law of a layer's stiffness or permittivity, which models other than stacks have, too."""
 
+    of_faces: ClassVar[bool] = False
+    """Whether it lies on a face in a way that models other than stacks can have, too (`HasFaces`)."""
+
     @property
     def physics(self) -> str:
         """The physics in words, for the list of effects."""
@@ -144,6 +149,22 @@ class Effect(ABC):
         """Whether it needs no stack, only an impedance: any model can have it."""
         return self.stage in (Stage.TERMINALS, Stage.CABLE)
 
+    def possible_in(self, model: Model) -> bool:
+        """Return whether a model can have it: a stack any, another what is outside of it, on its faces, in its laws."""
+        if self.outside or isinstance(model, Stack):
+            return True
+        lawful = self.of_laws and isinstance(model, HasLaws)
+        return lawful or (self.of_faces and isinstance(model, HasFaces) and len(model.open_faces) > 0)
+
+    def looked_for_in(self, model: Model, nominal: Stack) -> tuple[str, ...]:
+        """Return the places at which a diagnosis looks for it in a model; `nominal`: the model, or a plate like it."""
+        if not self.possible_in(model):
+            return ()
+        there = self.looked_for(nominal)
+        if isinstance(model, Stack) or not (self.of_faces and isinstance(model, HasFaces)):
+            return there
+        return tuple(where for where in there if where in model.open_faces)
+
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:
         """Return its possible places in this stack: `terminals`, `layer:NAME`, `interface:A|B`, `face:back` ..."""
@@ -162,6 +183,10 @@ class Effect(ABC):
 
         Empty for an effect that is either present or not (`polarity`): it has no size and no derivative.
         """
+
+    def parameters_in(self, model: Model, nominal: Stack, where: str) -> tuple[EffectParameter, ...]:
+        """Return the same for a model, which may let an effect act in more ways than a plate (`nominal`) does."""
+        return self.effect_parameters(nominal, where)
 
     def sentence(self, where: str, sizes: Mapping[str, tuple[float, float, str]]) -> str:
         """Return the sentence for the technician; `sizes`: value, standard uncertainty and unit of each parameter."""
@@ -207,6 +232,3 @@ def is_bare_front(stack: Stack, where: str) -> bool:
     """Return whether the front of a stack is the rear side of this interface, with nothing on it yet."""
     behind, before = interface_at(where)
     return stack.layers[-1].name == behind and before not in [layer.name for layer in stack.layers]
-
-
-FACES = ("face:back", "face:front")

@@ -8,10 +8,10 @@ from typing import Self
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies
+from ...base.face_loads import FACES
 from ...stack import HalfSpace, Stack
 from ...stack.loads import Load
 from ...stack.loss_laws import ComplexLike, PowerLoss
-from .effect import FACES
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances
+from ...base.face_loads import FACES
 from ...stack import Elastic, Piezo, Stack
 from ...stack.layers import Gradient
 from ...stack.loads import AnyLoad, Load
@@ -20,7 +21,7 @@ from ...stack.row import Joins
 from ...stack.stack import Layer
 from ..base.added_layer import with_layer_between
 from ..base.assembly import Assembly, Reading
-from ..base.effect import FACES, TERMINALS, Stage, interface_at, interfaces, layer_at
+from ..base.effect import TERMINALS, Stage, interface_at, interfaces, layer_at
 from ..base.modified_laws import Multiple, with_stiffness_law
 from ..base.modified_loads import CorrectedLoad, SupportedLoad, is_backing
 from ..base.scale import acoustic_impedance, reactance

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...base.face_loads import FACES
 from ...stack import Stack
 from ..base.assembly import Assembly
-from ..base.effect import FACES, Effect, EffectParameter
+from ..base.effect import Effect, EffectParameter
 from ..base.scale import equivalent_plate
 from . import corrections
 from .corrections import Place

@@ -1,0 +1,74 @@
+"""What may lie on a face of a device: an effect says it, and a model that has faces says what it does."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from .arrays import Complexes, Frequencies
+from .model import Model
+
+FACES = ("face:back", "face:front")
+"""The two faces of a device."""
+
+
+@dataclass(frozen=True)
+class Dot:
+    """A round piece of an isotropic solid on the middle of a face: solder, resin, a drop of glue."""
+
+    fraction: float
+    """Part of the face that it covers, 0 to 1."""
+    mass: float
+    """Mass per area of its base, kg/m2."""
+    impedance: float
+    """Specific acoustic impedance of longitudinal waves, Rayl."""
+    speed: float
+    """Speed of longitudinal waves, m/s."""
+    dome: float = 0.0
+    """Half range of its height over the mean: 0 for a cylinder, 1 for a paraboloid."""
+    q: float = 1e3
+    """Quality factor of both moduli."""
+    poisson: float = 0.36
+    """Poisson's ratio."""
+
+    @property
+    def density(self) -> float:
+        """kg/m3."""
+        return self.impedance / self.speed
+
+    @property
+    def height(self) -> float:
+        """Mean height, m."""
+        return self.mass / self.density
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lame's constants lambda and mu, Pa."""
+        c33 = self.impedance * self.speed
+        shear = c33 * (1 - 2 * self.poisson) / (2 - 2 * self.poisson)
+        return c33 - 2 * shear, shear
+
+    def radius(self, area: float) -> float:
+        """Return the radius of its base in m on a face of this area in m2."""
+        return math.sqrt(self.fraction * area / math.pi)
+
+
+@runtime_checkable
+class HasFaces(Protocol):
+    """A model that is no stack, with faces on which something may lie."""
+
+    @property
+    def open_faces(self) -> Sequence[str]:
+        """Faces that differ from each other (`face:front`); none if the model cannot have anything there."""
+        ...
+
+    def with_dot(self, where: str, dot: Dot) -> Model:
+        """Return the model with a dot on this face."""
+        ...
+
+    def moved_by_loads(self, frequency: Frequencies, other: Model) -> Complexes:
+        """Return ln Z of a model with slightly different loads of its faces less that of this one, first order, (N,).
+
+        The other may also have a small load that this one has not.
+        """
+        ...
