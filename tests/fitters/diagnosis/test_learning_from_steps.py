@@ -60,8 +60,6 @@ def test_what_the_instrument_reads_is_wrong_for_every_device_alike() -> None:
     """A gain that falls by 3 %; of the disk alone, a permittivity would explain it as well."""
     gain = 1 + 0.03 / (1 + 1j * F / 4e6)
     disk, glued = (stack.impedance(F) * gain for stack in (DISK, GLUED))
-    alone = _likeliest(_task(disk, glued, ("disk",)))
     both = _likeliest(_task(disk, glued))
-    assert alone.place == Place("layer:disk", "permittivity")
     assert (both.place.where, both.place.quantity) == ("instrument", "reading")
     assert both.probability > 0.9
