@@ -115,7 +115,8 @@ def test_page_names_what_failed_and_refuses_a_changed_truth(tmp_path: Path) -> N
 def test_a_blind_case_is_diagnosed_from_its_files_alone(tmp_path: Path) -> None:
     make_cases(tmp_path, seed=0, count=3)
     (tmp_path / "truth.json").unlink()
-    given = diagnose_case(tmp_path / "cases" / "case-002")  # a bare disk without hidden effects
+    effects = ("lead-inductance", "electrode-mass")
+    given = diagnose_case(tmp_path / "cases" / "case-002", effects)  # a bare disk without hidden effects
     assert given["verdict"] == "no-mismatch"
     assert given["seconds"] > 0
 
