@@ -183,7 +183,7 @@ def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
 
 
 def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A conductance across a contact, both at the terminals; all places compete in tests/benchmarks/test_learning.py."""
+    """A conductance across a contact, at the terminals; all places compete in tests/benchmarks/test_learning.py."""
     competing = (("terminals", "series"), ("terminals", "shunt"), ("layer:disk", "permittivity"))
     everywhere = tuple((Place(*place), ("disk",)) for place in competing)
     monkeypatch.setattr(places, "all_places", lambda _problem: everywhere)
