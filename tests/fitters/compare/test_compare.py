@@ -46,7 +46,6 @@ def line(Z: np.ndarray, length: float, Z0: float) -> np.ndarray:
 
 
 CHANGES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str, float]] = {
-    "a lead": (lambda Z: Z + JW * 2e-7, "lead-inductance", "inductance", 2e-7),
     "a coil in series": (lambda Z: Z + JW * 3e-5 + 0.8, "series-coil", "inductance", 3e-5),
     "a coil across": (lambda Z: 1 / (1 / Z + 1 / (JW * 2e-5 + 1)), "shunt-coil", "inductance", 2e-5),
     "a capacitor across": (lambda Z: 1 / (1 / Z + JW * 1e-10), "stray-capacitance", "capacitance", 1e-10),
