@@ -102,7 +102,7 @@ def test_an_example_with_an_instrument_or_with_files(bench: Bench, guide: str) -
         if line in ELSEWHERE or "..." in line:
             continue
         few = ("--effects", "lead-inductance") if line.startswith("diagnose") and "--effects" not in line else ()
-        bench.pzctl(*shlex.split(line), *few)  # complete diagnoses are made by the second of ELSEWHERE
+        bench.pzctl(*shlex.split(line), *few)  # the second of ELSEWHERE tries the whole catalogue
         if "--resource" in line and line.startswith("measure"):
             bench.pzctl("daemon", "--stop")  # the next example uses another instrument
 
