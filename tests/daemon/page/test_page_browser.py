@@ -190,7 +190,7 @@ def test_a_bare_disk_is_fitted_by_hand_with_the_model_of_both_modes(
     page: str, lab: Client, browser: Browser, pictures: Path
 ) -> None:
     lab.bench({"command": "effects", "radial": True})
-    plan = SweepPlan((Segment(80e3, 600e3, 201), Segment(2e6, 9e6, 101)))
+    plan = SweepPlan((Segment(80e3, 600e3, 401), Segment(2e6, 9e6, 401)))
     lab.wait_fit("mason", lab.measure(replace(read_build(THESIS_BUILD), name="round", plan=plan), "disk").id)
     lab.bench({"command": "effects", "radial": False})
     browser.open(page)
@@ -245,9 +245,10 @@ def test_stop_and_refusals_of_the_daemon(page: str, lab: Client, browser: Browse
 def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
     page: str, build: Path, lab: Client, browser: Browser, pictures: Path
 ) -> None:
+    plan = SweepPlan((Segment(1e6, 6e6, 101), Segment(5e5, 15.5e6, 101)))
     for name, seed in (("older", 7), ("newer", 8)):
         lab.bench({"command": "new-sample", "seed": seed})
-        lab.wait_fit("mason", lab.measure(replace(read_build(build), name=name), "disk").id)
+        lab.wait_fit("mason", lab.measure(replace(read_build(build), name=name, plan=plan), "disk").id)
     browser.open(page)
     choose = "[...document.querySelectorAll('#samples button')].find((b) => b.textContent.startsWith('{} · disk'))"
     browser.wait(f"{choose.format('newer')} !== undefined")
