@@ -26,7 +26,6 @@ EVERY = {
     "taper": 8,
     "hidden-mass": 4,
     "glue-null": 16,
-    "glue-missing": 32,
     "lead-and-taper": 32,
 }
 """Fewer of the 801 points, where these also show the hidden effects; tests/benchmarks/test_open_cases.py has all."""
@@ -35,7 +34,6 @@ AMONG = {
     "taper": ("electrode-sheet", "lead-inductance", "thickness-variation"),
     "hidden-mass": ("electrode-mass", "face-load", "lead-inductance", "surface-layer"),
     "glue-null": ("bond-layer", "bond-void", "electrode-mass", "lead-inductance"),
-    "glue-missing": ("bond-layer", "bond-void"),
     "lead-and-taper": ("cable", "lead-inductance", "thickness-variation"),
 }
 """Effects similar to those hidden; the case without any has the whole catalogue, and so have all in that benchmark."""
@@ -63,15 +61,6 @@ def limits_include_the_bias(diagnosis: Diagnosis, truth: dict[str, Any]) -> None
     assert 0.005 < bias < mass.shifts["disk.c33D"]
 
 
-def fits_held_out_bands_better(diagnosis: Diagnosis, truth: dict[str, Any]) -> None:
-    (finding,) = diagnosis.findings
-    assert diagnosis.final.held_out < 0.1 * diagnosis.baseline.held_out
-    assert diagnosis.final.held_out < 1.2
-    assert finding.probability > 0.9
-    thickness = finding.parameters["thickness"]
-    assert abs(thickness.value - truth["findings"][0]["thickness"]) < 4 * thickness.u + 1e-7
-
-
 def range_does_not_depend_on_an_undetermined_shape(diagnosis: Diagnosis, truth: dict[str, Any]) -> None:
     half_range = diagnosis.findings[0].parameters["half_range"]
     assert abs(half_range.value - truth["findings"][0]["half_range"]) < 3 * half_range.u
@@ -93,7 +82,6 @@ def bias_of_constants_is_removed(diagnosis: Diagnosis, truth: dict[str, Any]) ->
         ("taper", range_does_not_depend_on_an_undetermined_shape),
         ("hidden-mass", limits_include_the_bias),
         ("glue-null", nothing_more),
-        ("glue-missing", fits_held_out_bands_better),
         ("lead-and-taper", bias_of_constants_is_removed),
     ],
 )
@@ -217,7 +205,12 @@ def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> No
     task, truth = given(cases, "glue-missing", 64)
     (injected,) = truth["findings"]
     diagnosis = diagnose(task, (injected["effect"],), hold_out="steps")
-    assert [finding.effect for finding in diagnosis.findings] == [injected["effect"]]
+    (finding,) = diagnosis.findings
+    assert finding.effect == injected["effect"]
+    assert finding.where in injected["where"]
+    assert finding.probability > 0.9
+    thickness = finding.parameters["thickness"]
+    assert abs(thickness.value - injected["thickness"]) < 4 * thickness.u + 1e-7
     assert diagnosis.final.held_out < 1.2
     assert diagnosis.final.held_out < 0.01 * diagnosis.baseline.held_out
     f = task.sweeps["disk"][0].frequency

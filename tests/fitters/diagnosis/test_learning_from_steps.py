@@ -21,7 +21,7 @@ from pzctl.models.sweep import Sweep
 WHOLE = read_build(THESIS_BUILD)
 BUILD = replace(WHOLE, steps=WHOLE.steps[:2])
 """A disk, and the disk with a layer glued to it."""
-F = np.linspace(1.5e6, 7.5e6, 41)
+F = np.linspace(1.5e6, 7.5e6, 31)
 DISK, GLUED = (stack_of(BUILD, step) for step in BUILD.steps)
 
 
