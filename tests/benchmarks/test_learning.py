@@ -6,8 +6,13 @@ import numpy as np
 from relaxing_disk import BUILD, recorded, relaxing, with_permittivity
 
 from pzctl.fitters.diagnosis.diagnose import diagnose
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
+from pzctl.fitters.diagnosis.learning.places import placed_corrections
+from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask
+from pzctl.models.effects.learned.corrections import Place
 
 
 def test_three_resonances_of_a_permittivity_are_learned_as_one_law() -> None:
@@ -71,3 +76,12 @@ def test_an_instrument_that_is_wrong_for_every_device_has_no_law() -> None:
     assert diagnosis.effects == ()
     assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("instrument", "reading")
     assert diagnosis.places[0].probability > 0.9
+
+
+def test_of_the_disk_alone_a_gain_that_falls_is_a_permittivity_that_relaxes() -> None:
+    """By 3 %; with the glued disk beside it, it is the instrument (fitters/diagnosis/test_learning_from_steps.py)."""
+    f = np.linspace(1.5e6, 7.5e6, 41)
+    Z = stack_of(BUILD, BUILD.step("disk")).impedance(f) * (1 + 0.03 / (1 + 1j * f / 4e6))
+    problem = Problem.of(solve(recorded(Z, f), lambda _: None), None)
+    likeliest = placed_corrections(problem, fitted(problem, (), problem.values))[0]
+    assert likeliest.place == Place("layer:disk", "permittivity")

@@ -19,7 +19,6 @@ from pzctl.daemon.cli.proof.run_case import diagnose_case
 from pzctl.fitters.proof.judge import Judged, ProofError, is_right, read_judged
 from pzctl.fitters.proof.proof_metrics import bins, figures, rates, said
 from pzctl.fitters.proof.proof_page import write_page
-from pzctl.sim.blind_cases.case_files import make_cases
 
 
 def planted(effect: str, *where: str, gain: float = 1e4) -> dict[str, Any]:
@@ -112,10 +111,9 @@ def test_page_names_what_failed_and_refuses_a_changed_truth(tmp_path: Path) -> N
         read_judged(tmp_path, published)
 
 
-def test_a_blind_case_is_diagnosed_from_its_files_alone(tmp_path: Path) -> None:
-    make_cases(tmp_path, seed=0, count=3)
-    (tmp_path / "truth.json").unlink()
-    given = diagnose_case(tmp_path / "cases" / "case-002")  # a bare disk without hidden effects
+def test_a_case_is_diagnosed_from_its_files_alone(cases: Path, tmp_path: Path) -> None:
+    shutil.copytree(cases / "null", tmp_path / "case")
+    given = diagnose_case(tmp_path / "case", ("lead-inductance", "electrode-mass"))
     assert given["verdict"] == "no-mismatch"
     assert given["seconds"] > 0
 

@@ -59,7 +59,7 @@ def recorded() -> None:
     build = parse_build(BUILD)
     stack = stack_of(build, build.step("disk"))
     (film,) = stack.layers
-    f = np.linspace(1.5e6, 7.5e6, 101)
+    f = np.linspace(1.5e6, 7.5e6, 51)
     relaxing = [replace(film, eps33S=film.eps33S * (1 + STRENGTH / (1 + 1j * at / AT))) for at in f]
     Z = np.array(
         [replace(stack, layers=(one,)).impedance(np.array([at]))[0] for one, at in zip(relaxing, f, strict=True)]

@@ -20,12 +20,13 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 
 @pytest.fixture(scope="module")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The build of the thesis with fewer points, unless pictures are wanted."""
+    """The build of the thesis with one band and fewer points, unless pictures are wanted."""
     if "PZCTL_SCREENSHOTS" in os.environ:
         return THESIS_BUILD
     text = THESIS_BUILD.read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("build") / "build.toml"
-    path.write_text(text.replace("points = 801", "points = 101"), encoding="utf-8")
+    (wider,) = re.findall(r"\n +\{ start_MHz = 0\.5.*", text)
+    path.write_text(text.replace(wider, "").replace("points = 801", "points = 101"), encoding="utf-8")
     return path
 
 
@@ -244,9 +245,10 @@ def test_stop_and_refusals_of_the_daemon(page: str, lab: Client, browser: Browse
 def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
     page: str, build: Path, lab: Client, browser: Browser, pictures: Path
 ) -> None:
+    plan = SweepPlan((Segment(1e6, 6e6, 101), Segment(5e5, 15.5e6, 101)))
     for name, seed in (("older", 7), ("newer", 8)):
         lab.bench({"command": "new-sample", "seed": seed})
-        lab.wait_fit("mason", lab.measure(replace(read_build(build), name=name), "disk").id)
+        lab.wait_fit("mason", lab.measure(replace(read_build(build), name=name, plan=plan), "disk").id)
     browser.open(page)
     choose = "[...document.querySelectorAll('#samples button')].find((b) => b.textContent.startsWith('{} · disk'))"
     browser.wait(f"{choose.format('newer')} !== undefined")

@@ -56,7 +56,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("reported")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PZCTL_HOME", str(folder))
-        whole = BUILD.read_text(encoding="utf-8").replace("points = 801", "points = 201")
+        whole = BUILD.read_text(encoding="utf-8").replace("points = 801", "points = 101")
         (folder / "two.toml").write_text(re.sub(r'\[\[steps\]\]\nname = "ml2"\n.*\n', "", whole), encoding="utf-8")
         done = run("measure", "--build", folder / "two.toml", "--fit", "--time-scale", "0", "--json")
         assert done.exit_code == 0, done.stderr

@@ -19,7 +19,7 @@ THESIS = THESIS_BUILD
 
 def test_a_fit_and_a_diagnosis_of_what_was_measured(start_daemon) -> None:
     start_daemon()
-    known = replace(read_build(THESIS), plan=SweepPlan((Segment(1e6, 6e6, 201),)))
+    known = replace(read_build(THESIS), plan=SweepPlan((Segment(1e6, 6e6, 51),)))
     with pzctl.connect() as lab:
         lab.bench({"command": "hidden", "series-resistance": 0.5})
         measurement = lab.measure(known, "disk").id

@@ -22,18 +22,23 @@ from pzctl.models.sweep import Sweep
 
 EVERY = {
     "null": 4,
+    "lead": 2,
     "taper": 8,
     "hidden-mass": 4,
     "glue-null": 16,
-    "glue-missing": 16,
-    "lead-and-taper": 16,
+    "lead-and-taper": 32,
 }
 """Fewer of the 801 points, where these also show the hidden effects; tests/benchmarks/test_open_cases.py has all."""
 AMONG = {
-    "glue-missing": ("bond-layer", "bond-void", "lead-inductance", "surface-layer"),
-    "lead-and-taper": ("cable", "lead-inductance", "series-resistance", "surface-layer", "thickness-variation"),
+    "lead": ("lead-inductance", "series-resistance"),
+    "taper": ("electrode-sheet", "lead-inductance", "thickness-variation"),
+    "hidden-mass": ("electrode-mass", "face-load", "lead-inductance", "surface-layer"),
+    "glue-null": ("bond-layer", "bond-void", "electrode-mass", "lead-inductance"),
+    "lead-and-taper": ("cable", "lead-inductance", "thickness-variation"),
 }
-"""Where a search is long, effects similar to those hidden; the other cases, and that benchmark, have the catalogue."""
+"""Effects similar to those hidden; the case without any has the whole catalogue, and so have all in that benchmark."""
+SIMILAR = ("cable", "dielectric-dispersion", "lead-inductance")
+"""Effects by which the errors of a recording could be explained."""
 
 
 def thinned(cases: Path, name: str) -> tuple[FitTask, dict[str, Any]]:
@@ -54,15 +59,6 @@ def limits_include_the_bias(diagnosis: Diagnosis, truth: dict[str, Any]) -> None
     fitted = diagnosis.final.constants["disk.c33D"]
     bias = 1 - fitted.re / truth["constants"]["disk.c33D"][0]
     assert 0.005 < bias < mass.shifts["disk.c33D"]
-
-
-def fits_held_out_bands_better(diagnosis: Diagnosis, truth: dict[str, Any]) -> None:
-    (finding,) = diagnosis.findings
-    assert diagnosis.final.held_out < 0.1 * diagnosis.baseline.held_out
-    assert diagnosis.final.held_out < 1.2
-    assert finding.probability > 0.9
-    thickness = finding.parameters["thickness"]
-    assert abs(thickness.value - truth["findings"][0]["thickness"]) < 4 * thickness.u + 1e-7
 
 
 def range_does_not_depend_on_an_undetermined_shape(diagnosis: Diagnosis, truth: dict[str, Any]) -> None:
@@ -86,7 +82,6 @@ def bias_of_constants_is_removed(diagnosis: Diagnosis, truth: dict[str, Any]) ->
         ("taper", range_does_not_depend_on_an_undetermined_shape),
         ("hidden-mass", limits_include_the_bias),
         ("glue-null", nothing_more),
-        ("glue-missing", fits_held_out_bands_better),
         ("lead-and-taper", bias_of_constants_is_removed),
     ],
 )
@@ -96,17 +91,10 @@ def test_an_open_case(cases: Path, name: str, also: Callable[[Diagnosis, dict[st
     also(diagnosis, truth)
 
 
-def test_a_defect_that_no_effect_describes_stays_unknown(cases: Path) -> None:
-    task, truth = given(cases, "unknown", 4)
-    diagnosis = diagnose(task, effects=("lead-inductance",))
-    assert diagnosis.verdict == truth["verdict"] == "unexplained"
-    assert [(finding.effect, finding.step) for finding in diagnosis.findings] == [("unknown", "disk")]
-
-
 def test_an_inverted_recording_is_corrected_and_reported(cases: Path) -> None:
     sweep = recorded(cases / "null" / "disk.csv", EVERY["null"])
     task = FitTask(read_build(cases / "null" / "build.toml"), {"disk": (replace(sweep, impedance=-sweep.impedance),)})
-    diagnosis = diagnose(task)
+    diagnosis = diagnose(task, ("lead-inductance",))
     assert [finding.effect for finding in diagnosis.findings] == ["polarity"]
     assert np.isfinite(diagnosis.final.chi2_per_dof)
     assert "inverted" in diagnosis.findings[0].says
@@ -118,12 +106,11 @@ def stepped(cases: Path, step: float) -> tuple[Diagnosis, float]:
     upper = sweep.frequency > 0.6 * sweep.frequency[-1]
     off = replace(sweep, impedance=sweep.impedance * np.where(upper, 1 + step, 1.0))
     task = FitTask(read_build(cases / "null" / "build.toml"), {"disk": (off,)})
-    return diagnose(task), float(sweep.frequency[upper][0])
+    return diagnose(task, SIMILAR), float(sweep.frequency[upper][0])
 
 
-@pytest.mark.parametrize("step", [4e-4, 1.2e-3])  # two and six times the noise
-def test_an_error_within_the_analyzers_specification_is_not_a_mismatch(cases: Path, step: float) -> None:
-    diagnosis, _ = stepped(cases, step)
+def test_an_error_within_the_analyzers_specification_is_not_a_mismatch(cases: Path) -> None:
+    diagnosis, _ = stepped(cases, 1.2e-3)  # six times the noise
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
 
 
@@ -138,7 +125,7 @@ def test_an_instrument_artefact_is_not_attributed_to_physics(cases: Path) -> Non
 
 def with_a_lead(*, tapered: bool = False) -> FitTask:
     """Return the task of a disk with a lead and, if tapered, a thickness that varies."""
-    f = np.linspace(1.5e6, 7.5e6, 101)
+    f = np.linspace(1.5e6, 7.5e6, 51)
     build = read_build(THESIS_BUILD)
     device = Device(stack_of(build, build.step("disk")))
     device = device.with_effect(find_effect("lead-inductance"), "terminals", {"inductance": 1.2e-8})
@@ -150,7 +137,7 @@ def with_a_lead(*, tapered: bool = False) -> FitTask:
 
 def test_a_partial_explanation_is_not_certain() -> None:
     """Only the requested effects are considered: the variation of thickness is none of them, and stays unknown."""
-    diagnosis = diagnose(with_a_lead(tapered=True), ("lead-inductance", "leakage"))
+    diagnosis = diagnose(with_a_lead(tapered=True), ("lead-inductance",))
     assert diagnosis.verdict == "partly-explained"
     probabilities = {one.effect: one.probability for one in diagnosis.findings}
     assert set(probabilities) == {"lead-inductance", "unknown"}
@@ -158,7 +145,7 @@ def test_a_partial_explanation_is_not_certain() -> None:
 
 
 def test_the_result_does_not_depend_on_the_number_of_processes() -> None:
-    considered = ("lead-inductance", "series-resistance", "electrode-mass")
+    considered = ("lead-inductance", "electrode-mass")
     alone, shared = (diagnose(with_a_lead(), considered, jobs=jobs) for jobs in (1, 2))
     assert [one.effect for one in alone.findings] == ["lead-inductance"]
     assert (shared.verdict, shared.findings) == (alone.verdict, alone.findings)
@@ -205,20 +192,25 @@ def test_the_edges_of_a_glitch_are_not_lines(cases: Path) -> None:
 
 
 def test_a_loop_beside_the_lead_is_not_attributed_to_the_device(cases: Path) -> None:
-    sweep, f, admittance = bare_disk(cases)
+    sweep, f, admittance = bare_disk(cases, every=8)
     jw, w = 2j * np.pi * f, 2 * np.pi * 3.3e6
     loop = -jw * jw * 1e-8 / (jw + w / 5 + w * w / jw)  # it couples over a band a fifth as wide as its frequency
-    diagnosis = with_admittance(cases, sweep, 1 / (1 / admittance + loop), "spurious-resonance", "temperature-drift")
+    diagnosis = with_admittance(cases, sweep, 1 / (1 / admittance + loop), "spurious-resonance")
     assert [(finding.effect, finding.where) for finding in diagnosis.findings] == [("unknown", "any")]
     assert "in series" in diagnosis.findings[0].says
     assert diagnosis.findings[0].parameters["q"].value == pytest.approx(5, rel=0.05)
 
 
 def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> None:
-    task, truth = given(cases, "glue-missing", 32)
+    task, truth = given(cases, "glue-missing", 64)
     (injected,) = truth["findings"]
     diagnosis = diagnose(task, (injected["effect"],), hold_out="steps")
-    assert [finding.effect for finding in diagnosis.findings] == [injected["effect"]]
+    (finding,) = diagnosis.findings
+    assert finding.effect == injected["effect"]
+    assert finding.where in injected["where"]
+    assert finding.probability > 0.9
+    thickness = finding.parameters["thickness"]
+    assert abs(thickness.value - injected["thickness"]) < 4 * thickness.u + 1e-7
     assert diagnosis.final.held_out < 1.2
     assert diagnosis.final.held_out < 0.01 * diagnosis.baseline.held_out
     f = task.sweeps["disk"][0].frequency
@@ -270,7 +262,7 @@ def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
         narrow = {"disk": (replace(sweep, frequency=sweep.frequency[part], impedance=sweep.impedance[part]),)}
         with pytest.raises(FitError, match=refused):
             diagnose(replace(task, sweeps=narrow), (), hold_out="overtones")
-    again, _ = given(cases, "drift", 8)
+    again, _ = given(cases, "drift", 16)
     repeated = diagnose(again, ("temperature-drift",), hold_out="repeats")
     assert [finding.effect for finding in repeated.findings] == ["temperature-drift"]
     assert repeated.final.held_out < 0.1 * repeated.baseline.held_out

@@ -32,11 +32,11 @@ from pzctl.models.stack import Piezo, Stack
 
 
 def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
-    strength, at = 0.2, 4e6
-    task = recorded(relaxing(bare.bare, strength, at))
+    strength, at, f = 0.2, 4e6, np.linspace(1.5e6, 7.5e6, 51)
+    task = recorded(relaxing(bare.bare, strength, at, f), f)
     others = {
-        "alike": recorded(relaxing(bare.bare, 1.05 * strength, at)),
-        "without": recorded(bare.bare.impedance(F)),
+        "alike": recorded(relaxing(bare.bare, 1.05 * strength, at, f), f),
+        "without": recorded(bare.bare.impedance(f), f),
     }
     diagnosis = diagnose(task, effects=("polarity",), learn=True, others=others)
     alike, without = diagnosis.others
@@ -146,7 +146,8 @@ def test_several_resonances_at_one_place_are_one_law(bare: Device) -> None:
     place = Place("layer:disk", "permittivity")
     law = learned_law(place, "two-resonances", bare.bare)
     first, second = {"size": 0.01, "at": 3e6, "q": 30.0}, {"size_2": 0.006, "at_2": 5.5e6, "q_2": 30.0}
-    task = recorded(bare.with_effect(law, place.where, first | second).impedance(F))
+    f = F[::2]
+    task = recorded(bare.with_effect(law, place.where, first | second).impedance(f), f)
     problem = Problem.of(solve(task, lambda _: None), None)
     null = fitted(problem, (), problem.values)
     best = max(sharp_laws(problem, null, null), key=lambda one: one.hypothesis.log_evidence)
@@ -181,8 +182,12 @@ def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
     assert weak_lines(fitted(nothing, (), nothing.values, near=True)) == ()
 
 
-def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device) -> None:
-    """A conductance across a contact, both at the terminals; the smooth corrections of all places compete."""
+def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A conductance across a contact, at the terminals; all places compete in tests/benchmarks/test_learning.py."""
+    competing = (("terminals", "series"), ("terminals", "shunt"), ("layer:disk", "permittivity"))
+    everywhere = tuple((Place(*place), ("disk",)) for place in competing)
+    monkeypatch.setattr(places, "all_places", lambda _problem: everywhere)
+    monkeypatch.setattr(laws, "laws", lambda quantity: laws_of(quantity)[:3])
     f = np.linspace(1.5e6, 7.5e6, 61)
     task = recorded(1 / (1 / (bare.bare.impedance(f) + 4.0) + 4e-3), f)
     problem = Problem.of(solve(task, lambda _: None), None)

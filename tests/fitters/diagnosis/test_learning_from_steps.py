@@ -1,4 +1,4 @@
-"""What several steps share tells places apart; tests/benchmarks/test_learning.py has a lead that one step alone has."""
+"""What several steps share tells places apart; tests/benchmarks/test_learning.py has what one step alone tells."""
 
 from dataclasses import replace
 
@@ -21,15 +21,15 @@ from pzctl.models.sweep import Sweep
 WHOLE = read_build(THESIS_BUILD)
 BUILD = replace(WHOLE, steps=WHOLE.steps[:2])
 """A disk, and the disk with a layer glued to it."""
-F = np.linspace(1.5e6, 7.5e6, 41)
+F = np.linspace(1.5e6, 7.5e6, 31)
 DISK, GLUED = (stack_of(BUILD, step) for step in BUILD.steps)
 
 
-def _task(disk: np.ndarray, glued: np.ndarray, steps: tuple[str, ...] = ("disk", "ml1")) -> FitTask:
+def _task(disk: np.ndarray, glued: np.ndarray) -> FitTask:
     random = np.random.default_rng(5)
     noise = 2e-4 * (random.normal(size=(2, F.size)) + 1j * random.normal(size=(2, F.size)))
     sweeps = {"disk": (Sweep(F, disk * np.exp(noise[0])),), "ml1": (Sweep(F, glued * np.exp(noise[1])),)}
-    return FitTask(BUILD, {step: sweeps[step] for step in steps})
+    return FitTask(BUILD, sweeps)
 
 
 def _likeliest(task: FitTask) -> PlacedCorrection:
@@ -60,8 +60,6 @@ def test_what_the_instrument_reads_is_wrong_for_every_device_alike() -> None:
     """A gain that falls by 3 %; of the disk alone, a permittivity would explain it as well."""
     gain = 1 + 0.03 / (1 + 1j * F / 4e6)
     disk, glued = (stack.impedance(F) * gain for stack in (DISK, GLUED))
-    alone = _likeliest(_task(disk, glued, ("disk",)))
-    both = _likeliest(_task(disk, glued))
-    assert alone.place == Place("layer:disk", "permittivity")
-    assert (both.place.where, both.place.quantity) == ("instrument", "reading")
-    assert both.probability > 0.9
+    found = _likeliest(_task(disk, glued))
+    assert (found.place.where, found.place.quantity) == ("instrument", "reading")
+    assert found.probability > 0.9

@@ -22,13 +22,13 @@ from pzctl.models.sweep import Sweep
 
 SIZES = (10.0, 0.25, 7700.0)  # mm, mm, kg/m3
 LEAD = 2e-7  # H
-CONSIDERED = ("lead-inductance", "cable", "series-resistance", "stray-capacitance")
-"""Effects similar to a lead; the circuit below is diagnosed with all that a model that is no stack can have."""
+CONSIDERED = ("lead-inductance", "cable", "series-resistance")
+"""Effects similar to a lead."""
 
 
 @pytest.fixture(scope="module")
 def radial_modes() -> tuple[Frequencies, Impedances]:
-    f = np.linspace(120e3, 860e3, 81)
+    f = np.linspace(120e3, 860e3, 61)
     return f, solved(SIZES, f)
 
 
@@ -68,7 +68,7 @@ def test_a_lead_on_a_radial_disk_is_named_with_its_size(
     assert s11E.unit == "1/Pa"
     assert abs(s11E.re - TENSOR.radial.s11E.real) < 3 * (s11E.u_re or 0.0)
 
-    nothing = diagnose(seen(0.0), CONSIDERED, fitter=RadialLeastSquares())
+    nothing = diagnose(seen(0.0), ("lead-inductance",), fitter=RadialLeastSquares())
     assert (nothing.verdict, nothing.findings) == ("no-mismatch", ())
 
 
@@ -82,12 +82,12 @@ def test_what_thin_plate_theory_neglects_is_no_dispersion_of_losses(disk_build: 
 
 
 def test_a_lead_on_a_device_of_unknown_structure_is_named_and_its_circuit_recovered() -> None:
-    f = np.linspace(0.6e6, 1.6e6, 301)
+    f = np.linspace(0.6e6, 1.6e6, 101)
     circuit = Lumped(1e-9, (Branch.from_resonance(1e6, 80, 1.5e-10),), tan_delta=0.01)
     # 0.5 uH in so narrow a band are a long lead or a short cable
     for wire, verdict, effects in ((5e-7, "explained", {"lead-inductance", "cable"}), (0.0, "no-mismatch", set())):
         task = FitTask(None, {"probe": (recorded(f, replace(circuit, L=wire).impedance(f), 3),)})
-        found = diagnose(task, fitter=ButterworthVanDyke())
+        found = diagnose(task, CONSIDERED, fitter=ButterworthVanDyke())
         assert found.verdict == verdict
         assert len(found.findings) == min(len(effects), 1)
         assert {name for one in found.findings for name in (one.effect, *(o.effect for o in one.same_as))} == effects

@@ -1,7 +1,6 @@
 """What moves no constant by its uncertainty and no curve by 0.1 % is a remark with its size, not a mismatch."""
 
 import numpy as np
-import pytest
 
 import pzctl
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
@@ -30,9 +29,8 @@ def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
     return diagnosed(device, accuracy, ["lead-inductance", "series-resistance"])
 
 
-@pytest.mark.parametrize("accuracy", [1e-5, 8e-4])
-def test_two_picohenry_are_no_mismatch(accuracy: float) -> None:
-    diagnosis = with_lead(2e-12, accuracy)
+def test_two_picohenry_are_no_mismatch() -> None:
+    diagnosis = with_lead(2e-12, accuracy=1e-5)
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
     assert "differ" not in str(diagnosis)
 

@@ -19,8 +19,8 @@ AREA, DENSITY = 200e-6, 7700.0
 C33D, H33, EPS33S = 1.5e11 * (1 + 0.012j), 1.95e9 * (1 + 0.002j), 8.4e-9 * (1 - 0.015j)
 METAL_Z, METAL_C, METAL_Q = 17e6, 6300.0, 900.0
 MASS = 10e-3
-LOOK_ALIKES = ("prestress-bolt", "bond-layer", "electrode-mass")
-"""Effects similar to a bolt; the guide on several piezos uses the whole catalogue."""
+LOOK_ALIKES = ("prestress-bolt", "electrode-mass")
+"""Effects similar to a bolt."""
 
 PLATE = """
 [[layers]]

@@ -20,7 +20,7 @@ from pzctl.models.sweep import Sweep
 
 BUILD = read_build(THESIS_BUILD)
 STACK = stack_of(BUILD, BUILD.step("disk"))
-F = np.linspace(1.5e6, 7.5e6, 81)
+F = np.linspace(1.5e6, 7.5e6, 41)
 EFFECTS = ("lead-inductance", "leakage")
 
 

@@ -21,7 +21,7 @@ def capacitance(disk, f):
 
 def drop_by_kramers_kronig(disk, a, b):
     """C'(a) - C'(b) from the losses only: -(2/pi) P int x C''(x) [1/(x^2 - a^2) - 1/(x^2 - b^2)] dx."""
-    u = np.linspace(np.log(10), np.log(1e9), 1_000_001)
+    u = np.linspace(np.log(10), np.log(1e9), 200_001)
     x = np.exp(u)
     loss = capacitance(disk, x).imag
 

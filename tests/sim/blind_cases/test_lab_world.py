@@ -190,7 +190,7 @@ def test_constants_absorb_electrodes_but_not_a_lead_and_the_analyzer_absorbs_a_g
 
 
 def test_the_plant_with_the_largest_change_dominates_and_roles_follow() -> None:
-    cases: list[LabSession] = [draw_case(11, index) for index in range(7)]
+    cases: list[LabSession] = [draw_case(11, index) for index in (0, 2, 3, 5)]
     for case in cases:
         effects = [k for k, plant in enumerate(case.scenario.plants) if not plant.minor]
         leading = [k for k in range(len(case.seen)) if case.role(k) == "dominating"]
@@ -198,7 +198,7 @@ def test_the_plant_with_the_largest_change_dominates_and_roles_follow() -> None:
         for k in leading:
             assert case.seen[k].moves >= max(case.seen[other].moves for other in effects or [k])
             assert case.seen[k].moves >= 3 * case.floor
-    assert {case.kind for case in cases} >= {"instrument", "one"}
+    assert {case.kind for case in cases} == {"one", "instrument", "imperfect", "outside"}
 
 
 def test_cases_are_reproducible_and_do_not_reveal_their_plants(tmp_path: Path) -> None:
