@@ -19,7 +19,7 @@ def pzctl(*words: str, home: Path) -> "subprocess.CompletedProcess[str]":
     environment = {**os.environ, "PZCTL_HOME": str(home)}
     environment.pop("PZCTL_FITTERS")  # a daemon's own choice
     return subprocess.run(
-        [PZCTL, *words], env=environment, capture_output=True, text=True, timeout=110, check=False, cwd=home
+        [PZCTL, *words], env=environment, capture_output=True, text=True, timeout=280, check=False, cwd=home
     )
 
 

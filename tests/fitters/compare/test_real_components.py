@@ -76,10 +76,9 @@ def test_a_capacitor_is_named_whichever_recording_has_the_noise() -> None:
         assert (finding.effect, finding.removed) == ("stray-capacitance", True)
 
 
-def test_explained_leaves_less_than_a_tenth_of_the_change() -> None:
+def test_what_leaves_more_than_a_tenth_of_the_change_is_not_explained() -> None:
     u = np.linspace(0, 1, F.size)
-    for ripple, verdicts in ((1e-3, {"explained"}), (0.05, {"partly-explained", "unexplained"})):
-        wired = (resonator() + JW * 2e-6) * np.exp(ripple * np.sin(60 * u) * (1 + 1j * u))
-        found = compare([recorded(resonator(), 1)], [recorded(wired, 2)])
-        assert found.verdict in verdicts
-        assert (found.remaining.total < 0.1 * found.change) == (found.verdict == "explained")
+    wired = (resonator() + JW * 2e-6) * np.exp(0.05 * np.sin(60 * u) * (1 + 1j * u))
+    found = compare([recorded(resonator(), 1)], [recorded(wired, 2)])
+    assert found.verdict in {"partly-explained", "unexplained"}
+    assert found.remaining.total > 0.1 * found.change

@@ -1,13 +1,11 @@
 """Experiment design, comparison of recordings without a model, and undetectable effects."""
 
-from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
-from pzctl.drivers import open_analyzer
 from pzctl.drivers.agilent4294a.capabilities import CAPABILITIES
 from pzctl.fitters.diagnosis.design.candidate_sweeps import experiments, frequencies, plan_of, settings_of
 from pzctl.fitters.diagnosis.design.experiment_design import proposals
@@ -23,10 +21,7 @@ from pzctl.fitters.engine.noise import noise_of
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Conditions, Device, find_effect
 from pzctl.models.sweep import Sweep
-from pzctl.models.sweep_plan import Segment, SweepPlan
-from pzctl.sim.bench.bench_control import bench_command
 from pzctl.sim.bench.sample import sample
-from pzctl.sim.server import SimOptions, running
 
 BUILD = read_build(THESIS_BUILD)
 F = np.linspace(3e6, 5e6, 101)
@@ -128,27 +123,6 @@ def test_another_level_is_proposed_where_it_decides(told: tuple[FitTask, Diagnos
     sure = replace(diagnosis, findings=(replace(diagnosis.findings[0], alternatives=()),), not_decidable=())
     assert [one.decides[0].kind for one in proposals(task, sure, INSTRUMENT)] == ["seen once"]
     assert not proposals(again, sure, INSTRUMENT), "it was seen at two levels"
-
-
-def test_a_proposed_sweep_decides_what_one_sweep_leaves_open() -> None:
-    """The first sweep shows it only by its shape; tests/benchmarks/test_proposed_sweeps.py has further effects."""
-    plan = SweepPlan((Segment(3e6, 5e6, 81),), oscillator_V=0.5, bandwidth=5)
-    options = SimOptions(port=0, bench_port=0, time_scale=0.0, jig="ideal", hidden={"drive-nonlinearity": 60.0})
-    considered = OF_THE_SWEEP[:2]
-    with running(options) as sim, closing(open_analyzer(sim.resource)) as analyzer:
-        bench_command("127.0.0.1", sim.bench_port, command="step", name="disk")
-        own = analyzer.measure(plan)
-        task = FitTask(BUILD, {"disk": own})
-        first = diagnose(task, considered)
-        asked = [one.experiment for one in proposals(task, first, INSTRUMENT)]
-        further = [sweep for one in asked for sweep in analyzer.measure(one.plan)]
-    assert any("level" in one.kind for one in asked)
-    decided = diagnose(replace(task, sweeps={"disk": (*own, *further)}), considered)
-    (finding,) = decided.findings
-    assert (decided.verdict, finding.effect) == ("explained", "drive-nonlinearity")
-    assert not [one for one in finding.alternatives if one.probability > 0.1]
-    softening = finding.parameters["softening"]
-    assert abs(softening.value - 60.0) < max(5 * softening.u, 1.8)
 
 
 def test_recordings_are_compared_without_a_model() -> None:

@@ -22,7 +22,6 @@ from pzctl.models.sweep import Sweep
 
 EVERY = {
     "null": 4,
-    "lead": 2,
     "taper": 8,
     "hidden-mass": 4,
     "glue-null": 16,
@@ -30,7 +29,6 @@ EVERY = {
 }
 """Fewer of the 801 points, where these also show the hidden effects; tests/benchmarks/test_open_cases.py has all."""
 AMONG = {
-    "lead": ("lead-inductance", "series-resistance"),
     "taper": ("electrode-sheet", "lead-inductance", "thickness-variation"),
     "hidden-mass": ("electrode-mass", "face-load", "lead-inductance", "surface-layer"),
     "glue-null": ("bond-layer", "bond-void", "electrode-mass", "lead-inductance"),
@@ -78,7 +76,6 @@ def bias_of_constants_is_removed(diagnosis: Diagnosis, truth: dict[str, Any]) ->
     ("name", "also"),
     [
         ("null", nothing_more),
-        ("lead", nothing_more),
         ("taper", range_does_not_depend_on_an_undetermined_shape),
         ("hidden-mass", limits_include_the_bias),
         ("glue-null", nothing_more),
@@ -217,30 +214,6 @@ def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> No
     assert diagnosis.held_out_Hz == (((f[0], f[-1]),), ())
     with pytest.raises(FitError, match="no step was recorded after another"):
         diagnose(thinned(cases, "lead")[0], (), hold_out="steps")
-
-
-def test_another_sample_confirms_or_contradicts_a_finding(cases: Path) -> None:
-    task, truth = thinned(cases, "lead")
-    (injected,) = truth["findings"]
-    build = read_build(cases / "null" / "build.toml")
-    sweep, f, admittance = bare_disk(cases)
-    found, _ = diagnosed(cases, "lead")
-    sizes = {name: size.value for name, size in found.findings[0].parameters.items()}
-    # the jig of both measurements, and a better one
-    leads = {"as long": 1.0, "ten times as long": 10.0, "none": 0.0}
-    impedances = {
-        name: 1 / admittance + times * (sizes["resistance"] + 2j * np.pi * f * sizes["inductance"])
-        for name, times in leads.items()
-    }
-    others = {name: FitTask(build, {"disk": (replace(sweep, impedance=Z),)}) for name, Z in impedances.items()}
-    diagnosis = diagnose(task, (injected["effect"],), others=others)
-    said = {other.sample: other for other in diagnosis.others}
-    assert "confirms this" in said["as long"].says
-    assert said["as long"].chi2_per_dof_after < 1.2 < said["as long"].chi2_per_dof_before
-    assert "confirms part of this" in said["ten times as long"].says
-    assert "contradicts lead-inductance at terminals" in said["none"].says
-    nothing = diagnose(others["none"], (injected["effect"],), others={"next": others["as long"]})
-    assert [other.says for other in nothing.others] == ["None of the effects found can be tested on sample next."]
 
 
 def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:

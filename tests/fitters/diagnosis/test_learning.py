@@ -19,7 +19,6 @@ from pzctl.fitters.diagnosis.learning.learned_effect import Learning
 from pzctl.fitters.diagnosis.learning.places import all_places
 from pzctl.fitters.diagnosis.learning.plain_laws import plainly_better_laws
 from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
-from pzctl.fitters.diagnosis.learning.sharp_laws import sharp_laws
 from pzctl.fitters.diagnosis.learning.usual_fits import has_usual_fixture, usually_fitted
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
@@ -141,21 +140,6 @@ def test_places_of_a_resonance_and_of_an_echo_are_read_from_the_residual(bare: D
     assert {one.place.where for one in echoes} == {"face:front", "face:back"}, "both faces are alike"
 
 
-def test_several_resonances_at_one_place_are_one_law(bare: Device) -> None:
-    """One alone explains so little at each place that no place is told from another."""
-    place = Place("layer:disk", "permittivity")
-    law = learned_law(place, "two-resonances", bare.bare)
-    first, second = {"size": 0.01, "at": 3e6, "q": 30.0}, {"size_2": 0.006, "at_2": 5.5e6, "q_2": 30.0}
-    f = F[::2]
-    task = recorded(bare.with_effect(law, place.where, first | second).impedance(f), f)
-    problem = Problem.of(solve(task, lambda _: None), None)
-    null = fitted(problem, (), problem.values)
-    best = max(sharp_laws(problem, null, null), key=lambda one: one.hypothesis.log_evidence)
-    assert (best.effect.place, best.effect.law.name) == (place, "two-resonances")
-    found = {name.rpartition(".")[2]: value for name, value in best.hypothesis.values.items() if "learned" in name}
-    assert found == pytest.approx(first | second, rel=0.02)
-
-
 def _sharp(device: Device) -> tuple[SharpCorrection, ...]:
     problem = Problem.of(solve(recorded(device.impedance(F)), lambda _: None), None)
     null = fitted(problem, (), problem.values)
@@ -180,25 +164,6 @@ def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
     assert with_lines.log_evidence > null.log_evidence + 50
     nothing = Problem.of(solve(recorded(stack.impedance(F)), lambda _: None), None)
     assert weak_lines(fitted(nothing, (), nothing.values, near=True)) == ()
-
-
-def test_a_second_law_is_learned_at_the_place_of_the_first(bare: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A conductance across a contact, at the terminals; all places compete in tests/benchmarks/test_learning.py."""
-    competing = (("terminals", "series"), ("terminals", "shunt"), ("layer:disk", "permittivity"))
-    everywhere = tuple((Place(*place), ("disk",)) for place in competing)
-    monkeypatch.setattr(places, "all_places", lambda _problem: everywhere)
-    monkeypatch.setattr(laws, "laws", lambda quantity: laws_of(quantity)[:3])
-    f = np.linspace(1.5e6, 7.5e6, 61)
-    task = recorded(1 / (1 / (bare.bare.impedance(f) + 4.0) + 4e-3), f)
-    problem = Problem.of(solve(task, lambda _: None), None)
-    null = fitted(problem, (), problem.values)
-    contact = _candidate(learned_law(Place("terminals", "series"), "resistance", bare.bare), "terminals", bare.bare)
-    first = fitted(problem, (contact,), problem.values)
-    left = Conclusion(null, first, (), remaining_of(first), something_else=1.0, nearest=None)
-    found, _ = Learning(problem).extended(left, [first])
-    both = {one.prefix: one.effect.law_name for one in found.final.effects}
-    assert both == {"learned@terminals.": "series-resistance", "learned-2@terminals.": "shunt-resistance"}
-    assert found.final.values["learned-2@terminals.size"] == pytest.approx(4e-3, rel=0.03)
 
 
 def test_a_wire_is_no_residual_of_a_fixture(bare: Device) -> None:

@@ -54,12 +54,3 @@ def test_a_layer_is_told_by_the_steps_that_have_it() -> None:
     found = _likeliest(_task(*_relaxing(place, 0.5)))
     assert (found.place, found.steps) == (place, ("ml1",))
     assert found.probability > 0.9
-
-
-def test_what_the_instrument_reads_is_wrong_for_every_device_alike() -> None:
-    """A gain that falls by 3 %; of the disk alone, a permittivity would explain it as well."""
-    gain = 1 + 0.03 / (1 + 1j * F / 4e6)
-    disk, glued = (stack.impedance(F) * gain for stack in (DISK, GLUED))
-    found = _likeliest(_task(disk, glued))
-    assert (found.place.where, found.place.quantity) == ("instrument", "reading")
-    assert found.probability > 0.9

@@ -124,7 +124,7 @@ def differences(device: Device, name: str) -> tuple[np.ndarray, float]:
     return WEIGHTS @ logs / h, 1e-12 / h
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(devices(catalogue()))
 def test_derivatives_by_the_stacks_parameters_are_exact_with_any_effects(device: Device) -> None:
     """A drifting, late or too strongly driven device, too: next to a line that has moved those at rest are far off."""
