@@ -48,7 +48,7 @@ def test_a_disk_that_one_dimensional_models_do_not_describe(here: Path, recordin
     done = run("--json", "--build", "disk-20x2.toml", f"disk={recordings / 'disk-20x2' / 'thickness-mode.csv'}")
     answer = json.loads(done.stdout)
     assert done.exit_code == 0
-    assert answer["rms_log_error"] == pytest.approx(0.69, abs=0.02)
+    assert answer["rms_log_error"] == pytest.approx(0.66, abs=0.03)
     assert any("1-D model does not describe" in sentence for sentence in answer["says"])
     (hint,) = (sentence for sentence in answer["says"] if "Diameter/thickness is 9.9" in sentence)
     assert "`--fitter disk2d`" in hint

@@ -27,7 +27,7 @@ def pzctl(*words: str, home: Path) -> "subprocess.CompletedProcess[str]":
 def story(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """All steps on the simulated bench, with fewer points than usual, fitted by both fitters."""
     home = tmp_path_factory.mktemp("home")
-    (home / "S4.toml").write_text(THESIS_BUILD.read_text(encoding="utf-8").replace("points = 801", "points = 101"))
+    (home / "S4.toml").write_text(THESIS_BUILD.read_text(encoding="utf-8").replace("points = 801", "points = 201"))
     words = ("measure", "--build", "S4.toml", "--fit", "--json", "--time-scale", "0")
     done = pzctl(*words, "--fitter", "mason", "--fitter", "mason-nelder-mead", home=home)
     assert done.returncode == 0, done.stderr
