@@ -2,7 +2,9 @@
 
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -33,6 +35,8 @@ from .pictures.svg_pictures import svg_of
 from .tables.comparison_output import print_comparison
 from .tables.diagnosis_output import diagnosis_curves, diagnosis_json, print_constants, print_diagnosis
 from .tables.fit_tables import print_fit
+
+_threadpoolctl: Any = import_module("threadpoolctl")  # it has no types
 
 Recording: TypeAlias = Sweep | str | Path
 """A sweep, or the file of one."""
@@ -203,7 +207,8 @@ def fit(
     known = None if build is None else amended(_build(build), changes)
     names = None if free is None else _names("free", free)
     task = FitTask(known, _sweeps(recordings), names, Options(objective, uncertainty, procedure))
-    return FitAnalysis(run(load_fitter(fitter), task), known)
+    with _one_thread():
+        return FitAnalysis(run(load_fitter(fitter), task), known)
 
 
 def diagnose(
@@ -226,9 +231,10 @@ def diagnose(
     chosen = None if effects is None else tuple(find_any_effect(name).name for name in _names("effects", effects))
     task = FitTask(known, _sweeps(recordings))
     model = fitter_to_diagnose(fitter)
-    found = run_diagnosis(
-        task, chosen, progress, learn=learn, jobs=available_cores(), fitter=model, refuse_impossible=True
-    )
+    with _one_thread():
+        found = run_diagnosis(
+            task, chosen, progress, learn=learn, jobs=available_cores(), fitter=model, refuse_impossible=True
+        )
     return DiagnosisAnalysis(found, known)
 
 
@@ -237,7 +243,17 @@ def compare(before: Recordings, after: Recordings) -> ComparisonAnalysis:
 
     Raises TaskError or RecordingError with one sentence.
     """
-    return ComparisonAnalysis(run_comparison(_all(before), _all(after)))
+    with _one_thread():
+        return ComparisonAnalysis(run_comparison(_all(before), _all(after)))
+
+
+def _one_thread() -> AbstractContextManager[object]:
+    """Return a context with one thread for linear algebra: on small matrices several only wait for each other.
+
+    A diagnosis took ten times as long with them. The command line sets it before NumPy is loaded; a script may have
+    loaded it long ago.
+    """
+    return _threadpoolctl.threadpool_limits(limits=1, user_api="blas")
 
 
 def _build(build: Build | str | Path) -> Build:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import pzctl
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
@@ -68,6 +69,21 @@ def test_a_diagnosis_names_the_lead_with_its_size(guide: dict[str, Any]) -> None
     assert finding.effect == "lead-inductance"
     assert finding.parameters["inductance"].value == pytest.approx(LEAD, rel=0.05)
     assert "lead-inductance" in guide["diagnosis"]._repr_html_()
+
+
+def test_a_script_computes_with_one_thread_as_the_command_does(guide: dict[str, Any]) -> None:
+    """A diagnosis took ten times as long with one thread for each core."""
+    seen: set[int] = set()
+
+    def threads(_: str) -> None:
+        seen.update(one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas")
+
+    build, disk = guide["folder"] / "build.toml", {"disk": guide["folder"] / "disk.csv"}
+    with threadpool_limits(2, "blas"):
+        pzctl.diagnose(build, disk, effects=["lead-inductance"], progress=threads)
+        assert seen == {1}
+        threads("")
+        assert seen == {1, 2}, "what a script has chosen is there again"
 
 
 def test_a_comparison_names_the_change(guide: dict[str, Any]) -> None:
