@@ -2,6 +2,8 @@
 
 import signal
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from functools import partial
 from multiprocessing import Pool
 from pathlib import Path
@@ -10,31 +12,49 @@ from . import case_files
 from .case_files import seal
 from .lab import files as lab_files
 
+_SIGNALS = signal.SIGINT, signal.SIGTERM
 _WORLDS = {"ideal": case_files.make_case, "lab": lab_files.make_case}
 
 
 def main(folder: Path, seed: int, count: int, jobs: int, world: str = "ideal") -> str:
     """Write the cases with several processes, which end with this process; return the hash of the truth."""
-    with Pool(jobs, _leave_signals_to_the_parent) as pool:
+    with _signals_later():
+        pool = Pool(jobs, _leave_signals_to_the_parent)
+    with pool:
         truths = pool.map(partial(_WORLDS[world], folder / "cases", seed), range(count), chunksize=1)
     return seal(folder, truths)
+
+
+@contextmanager
+def _signals_later() -> Generator[None]:
+    """Answer signals when a pool is complete: a process that is forked just then would be forgotten, and never end."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _leave_signals_to_the_parent() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
 
 
 def _end(*_: object) -> None:
     """Answer only the first signal: a second one would disturb the clean-up."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 if __name__ == "__main__":
     target, *numbers = sys.argv[1:]
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in _SIGNALS:
         signal.signal(number, _end)
     try:
         jobs = int(numbers[2]) if len(numbers) > 2 else 2

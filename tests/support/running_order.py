@@ -32,7 +32,6 @@ LONGEST = (
     "fitters/diagnosis/test_learning_from_steps",
     "fitters/layered/test_stack2d_fitter",
     "fitters/compare/test_levels",
-    "daemon/cli/test_prove",
     "daemon/server/test_process_ends",
     "models/effects/test_effects",
     "daemon/cli/test_user_effects",
@@ -51,6 +50,7 @@ LONGEST = (
     "models/stack/test_stack_properties",
     "fitters/compare/test_with_build",
     "security/test_limits",
+    "daemon/cli/test_prove",
     "test_windows",
 )
 """Modules whose tests take four seconds of processor time or more, longest first."""
