@@ -12,16 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.base.arrays import Complexes
-from ...models.effects import Device
+from ...models.effects.base.corrected_constants import Corrections
 from ...models.effects.base.scale import resonance
-from ...models.stack import Piezo, Stack
 from . import prior_scales as scales
 from .error_columns import stack_of
 from .marginal_fit import MarginalFit
-from .smooth_basis import smooth
+from .smooth_basis import ends_of, smooth
 
-_CONSTANTS, _LOSSY = ("c33D", "h33", "eps33S"), ("c33D", "eps33S")
-"""Constants of a ceramic, and those of them whose imaginary part has one sign."""
+_LOSSY = "c33D", "eps33S"
+"""Constants of a ceramic whose imaginary part has one sign."""
 _FURTHEST = 2.0
 """Largest factor between a loss at the resonance and its mean: a band of ten octaves at the largest usual exponent.
 More is the error of a fit that describes nothing."""
@@ -30,18 +29,18 @@ More is the error of a fit that describes nothing."""
 def at_resonance(found: MarginalFit) -> MarginalFit:
     """Return the same fit with the ceramics' free constants at the resonance."""
     recordings, known = found.marginal.objective.recordings, found.minimum.corrections
-    log_f = [np.log(one.sweep.frequency[[0, -1]]) for one in recordings]
-    ends = float(min(own[0] for own in log_f)), float(max(own[1] for own in log_f))
+    ends = ends_of([np.log(one.sweep.frequency[[0, -1]]) for one in recordings])
     there = np.clip([np.log(resonance(stack_of(found.models[-1])))], *ends)
+    functions = smooth(there, ends, scales.LENGTH, scales.FEW_SMOOTH)[0]
     coordinates = found.marginal.objective.coordinates
     values, chain = coordinates.forward(found.x)
     moving = dict(zip(coordinates.parameters, np.any(chain != 0, axis=1), strict=True))
     corrections = dict[str, Complexes]() if known is None else dict(known.relative)
     means = dict(found.minimum.means or found.gram.columns.means)
-    for name in _constants_of(found):
+    for name in found.marginal.of_layers:
         re, im = f"{name}.re", f"{name}.im"
         if name not in means or not (moving.get(re) and moving.get(im)):
-            continue
+            continue  # held, or of a passive layer, whose losses are told by its q
         if known is not None and name in corrections:
             factor = 1 + complex(np.interp(there, known.log_f, corrections[name])[0])
             value = complex(values[re], values[im]) * factor
@@ -49,18 +48,8 @@ def at_resonance(found: MarginalFit) -> MarginalFit:
                 continue
             values |= {re: value.real, im: value.imag}
             corrections[name] = (1 + corrections[name]) / factor - 1
-        means[name] = smooth(there, ends, scales.LENGTH, scales.FEW_SMOOTH)[0]
+        means[name] = functions
     if known is not None:
-        known = replace(known, relative=corrections, _factors={})
+        known = Corrections(known.log_f, corrections, known.paths, known.held)
     minimum = replace(found.minimum, x=coordinates.inverse(values), corrections=known, means=means)
     return MarginalFit.at(found.marginal, minimum)
-
-
-def _constants_of(found: MarginalFit) -> list[str]:
-    """Return the names of the constants of all ceramics that the models can contain corrections of."""
-    models = (one.model for one in found.marginal.objective.recordings)
-    stacks = [one.bare if isinstance(one, Device) else one for one in models]
-    layers = dict.fromkeys(
-        layer.name for one in stacks if isinstance(one, Stack) for layer in one.layers if isinstance(layer, Piezo)
-    )
-    return [f"{name}.{constant}" for name in layers for constant in _CONSTANTS]

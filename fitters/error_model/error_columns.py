@@ -18,7 +18,7 @@ from ..engine.recording import Recording
 from . import prior_scales as scales
 from .instrument_share import accuracy_of
 from .point_covariance import PointErrors
-from .smooth_basis import smooth
+from .smooth_basis import ends_of, smooth
 
 Part = str
 """Part of the error of a column.
@@ -233,8 +233,7 @@ def columns_of(
     `means`: those of the smooth functions where a fit began, so that a coefficient means the same in all of it.
     `in_time`: shapes whose errors are smooth in time.
     """
-    edges = [np.log(place.recording.sweep.frequency[[0, -1]]) for place in places]
-    ends = float(min(e[0] for e in edges)), float(max(e[1] for e in edges))
+    ends = ends_of([np.log(place.recording.sweep.frequency[[0, -1]]) for place in places])
     parts: list[Part] = []
     of_losses: list[float] = []
     made: list[list[Complexes]] = [[] for _ in places]

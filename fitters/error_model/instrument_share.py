@@ -8,7 +8,7 @@ from ...models.base.arrays import Complexes
 from ...models.sweep import Sweep
 from ..engine.recording import Recording
 from . import prior_scales as scales
-from .smooth_basis import smooth
+from .smooth_basis import ends_of, smooth
 
 
 def accuracy_of(sweep: Sweep) -> float:
@@ -24,7 +24,7 @@ def chi2_beside_instrument(recordings: Sequence[Recording], ratios: Sequence[Com
     of freedom. Points of infinite noise are ignored. `parameters`: number of fitted parameters.
     """
     logs = [np.log(recording.sweep.frequency) for recording in recordings]
-    ends = float(min(own[0] for own in logs)), float(max(own[-1] for own in logs))
+    ends = ends_of(logs)
     weights = [1 / recording.noise for recording in recordings]
     sizes = [accuracy_of(recording.sweep) for recording in recordings]
     basis = [size * smooth(own, ends, scales.SLOW, scales.FEW_SLOW) for size, own in zip(sizes, logs, strict=True)]

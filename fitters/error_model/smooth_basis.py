@@ -1,5 +1,6 @@
 """Smooth random functions of ln f as a few columns of unit prior: Karhunen-Loeve expansion of a Matern 5/2 process."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -21,6 +22,11 @@ def smooth(u: Reals, ends: tuple[float, float], length: float, most: int) -> Rea
     for k in range(functions.shape[1]):
         made[:, k] = np.interp(u, nodes, functions[:, k])
     return made
+
+
+def ends_of(grids: Sequence[Reals]) -> tuple[float, float]:
+    """Return the ends of what rising grids cover together, each of shape (N,)."""
+    return float(min(own[0] for own in grids)), float(max(own[-1] for own in grids))
 
 
 @lru_cache(maxsize=32)

@@ -4,7 +4,7 @@ Columns come in pairs: a further resonance in phase and in quadrature, a step of
 all that the hypothesis can still absorb, its constants and errors, and beside those that were found before.
 """
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
@@ -64,7 +64,7 @@ class Absorbed:
 
 
 @dataclass(eq=False)
-class Residual(Generic[Trial]):
+class Residual(ABC, Generic[Trial]):
     """What a hypothesis leaves, in which pairs of columns are looked for."""
 
     absorbed: Absorbed
