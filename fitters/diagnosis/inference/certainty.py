@@ -51,17 +51,30 @@ class Certainties:
     def present(self, names: Collection[str]) -> float:
         """Return the probability that one of these effects is present, at whatever place, and changes ln Z so much.
 
+        Where none of the hypotheses holds, an effect is as probable as beforehand.
+        """
+        return self.found(names) + self._unforeseen * ODDS
+
+    def found(self, names: Collection[str], where: str | None = None) -> float:
+        """Return the same of what the hypotheses contain alone; `where`: its place, None for any.
+
         The sum over hypotheses of their posterior probability, times the probability that the change is due to the
-        effect and not to what the hypothesis leaves unexplained. Where none of the hypotheses holds, an effect is as
-        probable as beforehand.
+        effect and not to what the hypothesis leaves unexplained.
         """
         whole = 0.0
         for one, part in self.search.posterior:
-            if part > _NEGLIGIBLE and any(effect.effect.name in names for effect in one.effects):
+            if part <= _NEGLIGIBLE:
+                continue
+            there = [its for its in one.effects if its.effect.name in names and where in (None, its.where)]
+            if there:
                 itself = self._itself_in(one)
-                whole += part * max(itself[effect] for effect in one.effects if effect.effect.name in names)
-        unforeseen = 0.0 if self.search.best.fit.exact else UNFORESEEN
-        return (1 - unforeseen) * whole + unforeseen * ODDS
+                whole += part * max(itself[effect] for effect in there)
+        return (1 - self._unforeseen) * whole
+
+    @property
+    def _unforeseen(self) -> float:
+        """Probability that none of the hypotheses holds."""
+        return 0.0 if self.search.best.fit.exact else UNFORESEEN
 
     def _itself_in(self, one: Hypothesis) -> dict[Candidate, float]:
         """Return, by effect, the probability that it and not an unnamed cause changes ln Z in a hypothesis.

@@ -98,7 +98,7 @@ def conclude(search: GreedySearch) -> Conclusion:
             matters = matters or moves_a_constant(constants_of(search.problem, without), after)
         matters = matters and not (error > 0 and _is_the_fixture(search, one, final))
         share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
-        same, others = _alternatives(search, final, one, sure[one].alike)
+        same, others = _alternatives(certainties, final, one, sure[one].alike)
         named.append(
             NamedEffect(
                 one,
@@ -235,12 +235,14 @@ def _size(parts: Sequence[np.ndarray]) -> float:
 
 
 def _alternatives(
-    search: GreedySearch, final: Hypothesis, one: Candidate, alike: Collection[Candidate]
+    certainties: Certainties, final: Hypothesis, one: Candidate, alike: Collection[Candidate]
 ) -> tuple[tuple[Alternative, ...], tuple[Alternative, ...]]:
     """Return the alternatives that the recordings cannot distinguish from an effect, and all that were tried."""
+    search = certainties.search
     said = [
-        (other in alike, Alternative(other.effect.name, other.where, search.inclusion({other.effect.name})))
+        (other in alike, Alternative(name, other.where, certainties.found({name}, other.where)))
         for _, other in rivals(search, final, one)
+        for name in (other.effect.name,)
     ]
     twins = [Alternative(one.effect.name, twin.where, 0.0) for twin in search.twins.get(one, ())]
     same = [*twins, *(entry for is_alike, entry in said if is_alike)]
