@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from heapq import nlargest
 
 import numpy as np
 from scipy.special import chdtri
@@ -19,7 +20,7 @@ from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.point_covariance import under_colour
 from ...error_model.uncertainty_sources import taken_up
 from ...interface import UNCOMPUTABLE
-from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS
+from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS, UNFINISHED
 from .own_losses import log_losses, own_losses
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, formula_errors, log_tails_of
@@ -264,8 +265,17 @@ def coarseness(shortfall: float, exact: bool = False) -> float:
     return 1 + (0.0 if exact else APPROXIMATE) + COARSENED * max(0.0, shortfall)
 
 
+def temper_of(found: Sequence[Hypothesis]) -> float:
+    """Return how much ln evidence counts as one nat beside these hypotheses: by what the best of them miss at least.
+
+    That of the largest evidence may explain by unusual errors what another explains by physics: little is missing then.
+    """
+    best = nlargest(UNFINISHED, found, key=lambda one: one.log_weight)
+    return coarseness(min(one.fit.shortfall for one in best), best[0].fit.exact)
+
+
 def probabilities(found: Sequence[Hypothesis]) -> Reals:
-    """Return the posterior probability of each hypothesis, shape (H,), coarsened by the misfit of the best one.
+    """Return the posterior probability of each hypothesis, shape (H,), coarsened by what even the best ones miss.
 
     A likelihood with smooth and rough errors is an approximation, and where even the best hypothesis leaves more than
     noise, it may favour a wrong one by as much evidence as is missing. Evidence is therefore raised to a power, 1 only
@@ -273,7 +283,7 @@ def probabilities(found: Sequence[Hypothesis]) -> Reals:
     (2019) 1113). What is known beforehand of sizes and constants is no approximation: a lead of a tenth of the usual
     inductance is as improbable as it was.
     """
-    temper = max(found, key=lambda one: one.log_weight).coarseness
+    temper = temper_of(found)
     evidence = [one.log_evidence / temper + one.log_odds for one in found]
     weight = np.full(len(found), -np.inf)
     for k, one in sorted(enumerate(found), key=lambda pair: -evidence[pair[0]]):

@@ -12,7 +12,7 @@ from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
 from ...interface import FitError
 from ..decision_rules import BUDGET, CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted, probabilities
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted, probabilities, temper_of
 from ..hypotheses.problem import Candidate, Problem
 from .plan import Plan
 
@@ -239,7 +239,7 @@ class FittedHypotheses:
 
     def _in_reach(self, some: Sequence[Hypothesis], within: float = NEAR) -> list[Hypothesis]:
         """Return those of some hypotheses that are not impossible beside the best one, or may not be after a refit."""
-        least = self.best.log_weight - within * self.best.coarseness
+        least = self.best.log_weight - within * temper_of(self.ranked)
         return [one for one in some if one.log_weight + one.fit.promised > least]
 
 
