@@ -49,11 +49,11 @@ class Learning:
     ) -> tuple[Conclusion, tuple[PlacedCorrection, ...]]:
         """Return the conclusion with learned laws, and the places of the misfit that the first one describes.
 
-        What no list holds is imitated by what a list holds. Laws are therefore fitted beside the named effects, beside
-        fewer of them, beside none, and beside the best single effects that were `tried`, and all compete. Artefacts of
-        unknown cause are no such effects: they imitate nothing.
+        What no list holds is imitated by what a list holds, often by several effects. Laws are therefore fitted beside
+        the named effects, beside none, beside fewer of them, and beside the best single effects that were `tried`, as
+        far as the budget goes, and all compete. Artefacts of unknown cause are no such effects: they imitate nothing.
         """
-        parents = [conclusion.final, *(one.without for one in conclusion.named), conclusion.null]
+        parents = [conclusion.final, conclusion.null, *(one.without for one in conclusion.named)]
         single = (one for one in tried if len(one.effects) == 1 and one.effects[0].effect.name != UNKNOWN)
         found, places = self.extended(conclusion, [*parents, *single])
         for _ in range(_LAWS - 1):
