@@ -10,7 +10,7 @@ from functools import partial
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal_fit import Minimum
-from ..decision_rules import EXACT_FIRST, EXACT_LATER, LEFT_AT_MOST, MOST, NEAR, UNFINISHED, WORTH
+from ..decision_rules import EXACT_FIRST, EXACT_LATER, MOST, NEAR, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import screened
@@ -24,23 +24,30 @@ def exact_hypotheses(
     """Return the hypotheses without errors that are about as probable as `start`, which has errors, or more.
 
     Effects are added to those of `start` one by one as long as that helps, provided that its errors leave nothing but
-    noise, and that its model's are no larger than a good device's: beside larger ones an effect stands out by itself.
+    noise: otherwise something is missing that stands out beside them.
     """
-    hidden = start.fit.shortfall == 0 and not start.fit.sizes.exact and start.unexplained <= LEFT_AT_MOST
+    hidden = start.fit.shortfall == 0 and not start.fit.sizes.exact
     begun = _fitted(problem, start.effects, start.values) if hidden else None
     if begun is None:
         return []
     found, best = {begun.key: begun}, begun
+    if begun.astray:  # what is missing has led its constants to where nothing promises it any more
+        best = _take(found, _extended(problem, start, candidates, jobs))
     while True:
         before = best = _continued(problem, best)
         found[best.key] = best
-        for made in _extended(problem, best, candidates, jobs):
-            if made.key not in found or made.log_weight > found[made.key].log_weight:
-                found[made.key] = made
-        best = max(found.values(), key=lambda one: one.log_weight)
+        best = _take(found, _extended(problem, best, candidates, jobs))
         if best is before or _hopeless(best, before.fit.shortfall - best.fit.shortfall):
             break
     return [one for one in found.values() if one.log_weight > start.log_weight - NEAR]
+
+
+def _take(found: dict[frozenset[Candidate], Hypothesis], more: Sequence[Hypothesis]) -> Hypothesis:
+    """Add hypotheses to those found, unless one of the same effects is better; return the best of all."""
+    for made in more:
+        if made.key not in found or made.log_weight > found[made.key].log_weight:
+            found[made.key] = made
+    return max(found.values(), key=lambda one: one.log_weight)
 
 
 def _continued(problem: Problem, one: Hypothesis) -> Hypothesis:
@@ -62,7 +69,8 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
     """Return the fits of the most promising candidates beside a hypothesis."""
     if len(parent.effects) == MOST:
         return []
-    *_, promises = screened(problem, parent, beside(parent.effects, candidates), jobs)
+    as_noise, *_, as_exact = screened(problem, parent, beside(parent.effects, candidates), jobs)
+    promises = as_exact if parent.fit.sizes.exact else as_noise
     if not promises or _hopeless(parent, promises[0].gain):
         return []
     first = not parent.effects

@@ -34,6 +34,8 @@ _LINES = 100
 _SCANS = 160
 _STRONGEST = 3
 """Number of lines of the residual at which a sharp resonance is tried."""
+_ONE_IN_TWENTY = 1.645
+"""Standard deviations below which a normal number is in one case of twenty."""
 _SAME = 0.999999
 _SMALL = 1e-2
 """Amplitude of an echo, relative to the usual one, from which its change of ln Z is taken to first order."""
@@ -59,9 +61,20 @@ class ScreenedCandidate:
 
     @property
     def starts(self) -> list[dict[str, float]]:
-        """The start and, for an effect that constants absorb, one with a large size: it lies far from there."""
-        large = {name: _large(knob) for name, knob in self.candidate.sizes if knob.from_nothing}
-        return [self.start, {**self.start, **large}] if self.absorbed and large else [self.start]
+        """The start and, for an effect that constants absorb or that is unusually small there, one with a large size.
+
+        It may lie far from there: what an effect promises is only linear in its size.
+        """
+        knobs = {name: knob for name, knob in self.candidate.sizes if knob.from_nothing}
+        large = {name: _large(knob) for name, knob in knobs.items()}
+        small = all(self.start[name] < _small(knob) for name, knob in knobs.items())
+        return [self.start, {**self.start, **large}] if large and (self.absorbed or small) else [self.start]
+
+
+def _small(knob: EffectParameter) -> float:
+    """Return a size below which one in twenty is."""
+    median, spread = knob.expected
+    return float(median * np.exp(-_ONE_IN_TWENTY * spread))
 
 
 def _large(knob: EffectParameter) -> float:
