@@ -74,6 +74,7 @@ def test_a_connection_that_ends_while_requests_wait_ends_nothing_else(
 
 def test_clients_that_ask_much_and_leave_without_reading(start_daemon: Callable[..., Location]) -> None:
     where = start_daemon()
+    requests = [json.dumps({"id": str(k), "request": "status"}).encode() for k in range(300)]
     with zmq.Context() as context, connect() as lab:
         for _ in range(30):
             with ExitStack() as stack:
@@ -81,10 +82,10 @@ def test_clients_that_ask_much_and_leave_without_reading(start_daemon: Callable[
                 for one in deaf:
                     one.linger = 0
                     unlocked(one, where).connect(where.requests)
-                for k in range(300):
+                for request in requests:
                     for one in deaf:
                         with suppress(zmq.Again):
-                            one.send(json.dumps({"id": str(k), "request": "status"}).encode(), zmq.NOBLOCK)
+                            one.send(request, zmq.NOBLOCK)
                 time.sleep(0.15)
         os.kill(where.pid, 0)
         assert lab.status().run == where.run
