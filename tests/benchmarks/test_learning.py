@@ -79,7 +79,7 @@ def test_an_instrument_that_is_wrong_for_every_device_has_no_law() -> None:
 
 
 def test_of_the_disk_alone_a_gain_that_falls_is_a_permittivity_that_relaxes() -> None:
-    """By 3 %; with the glued disk beside it, it is the instrument (fitters/diagnosis/test_learning_from_steps.py)."""
+    """By 3 %; with the glued disk beside it, it is the instrument (test_learning_from_steps.py)."""
     f = np.linspace(1.5e6, 7.5e6, 41)
     Z = stack_of(BUILD, BUILD.step("disk")).impedance(f) * (1 + 0.03 / (1 + 1j * f / 4e6))
     problem = Problem.of(solve(recorded(Z, f), lambda _: None), None)

@@ -29,7 +29,6 @@ LONGEST = (
     "daemon/report/test_report_html",
     "test_docs_examples",
     "fitters/compare/test_real_components",
-    "fitters/diagnosis/test_learning_from_steps",
     "fitters/layered/test_stack2d_fitter",
     "fitters/compare/test_levels",
     "daemon/server/test_process_ends",

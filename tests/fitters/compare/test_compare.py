@@ -48,8 +48,6 @@ def line(Z: np.ndarray, length: float, Z0: float) -> np.ndarray:
 CHANGES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str, float]] = {
     "a coil in series": (lambda Z: Z + JW * 3e-5 + 0.8, "series-coil", "inductance", 3e-5),
     "a coil across": (lambda Z: 1 / (1 / Z + 1 / (JW * 2e-5 + 1)), "shunt-coil", "inductance", 2e-5),
-    "a capacitor across": (lambda Z: 1 / (1 / Z + JW * 1e-10), "stray-capacitance", "capacitance", 1e-10),
-    "a resistor": (lambda Z: Z + 10, "series-resistance", "resistance", 10.0),
     "a cable": (lambda Z: line(Z, 3.0, 50.0), "cable", "length", 3.0),
 }
 

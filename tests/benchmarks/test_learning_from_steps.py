@@ -1,4 +1,4 @@
-"""What several steps share tells places apart; tests/benchmarks/test_learning.py has what one step alone tells."""
+"""What several steps share tells places apart; test_learning.py has what one step alone tells."""
 
 from dataclasses import replace
 
