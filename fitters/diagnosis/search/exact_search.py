@@ -33,11 +33,13 @@ def exact_hypotheses(
     found, best = {begun.key: begun}, begun
     if begun.astray:  # what is missing has led its constants to where nothing promises it any more
         best = _take(found, _extended(problem, start, candidates, jobs))
-    while True:
+    extended: set[frozenset[Candidate]] = set()
+    while best.key not in extended:  # a fit that is continued may become less probable than one that was the best before
         before = best = _continued(problem, best)
+        extended.add(best.key)
         found[best.key] = best
         best = _take(found, _extended(problem, best, candidates, jobs))
-        if best is before or _hopeless(best, before.fit.shortfall - best.fit.shortfall):
+        if _hopeless(best, before.fit.shortfall - best.fit.shortfall):
             break
     return [one for one in found.values() if one.log_weight > start.log_weight - NEAR]
 
