@@ -34,7 +34,9 @@ def exact_hypotheses(
     if begun.astray:  # what is missing has led its constants to where nothing promises it any more
         best = _take(found, _extended(problem, start, candidates, jobs))
     extended: set[frozenset[Candidate]] = set()
-    while best.key not in extended:  # a fit that is continued may become less probable than one that was the best before
+    while (
+        best.key not in extended
+    ):  # a fit that is continued may become less probable than one that was the best before
         before = best = _continued(problem, best)
         extended.add(best.key)
         found[best.key] = best
