@@ -33,10 +33,9 @@ def exact_hypotheses(
     found, best = {begun.key: begun}, begun
     if begun.astray:  # what is missing has led its constants to where nothing promises it any more
         best = _take(found, _extended(problem, start, candidates, jobs))
+    # one that is continued may become less probable than the one that was the best before: each is extended once
     extended: set[frozenset[Candidate]] = set()
-    while (
-        best.key not in extended
-    ):  # a fit that is continued may become less probable than one that was the best before
+    while best.key not in extended:
         before = best = _continued(problem, best)
         extended.add(best.key)
         found[best.key] = best
