@@ -49,6 +49,7 @@ class GreedySearch(FittedHypotheses):
     """The problem with all recorded points, while the search is done with fewer."""
     _likely: Candidate | None = None
     _grown: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
+    _substituted: set[frozenset[Candidate]] = field(default_factory=set[frozenset[Candidate]])
 
     def run(self) -> Hypothesis:
         """Run the complete search; return the most probable hypothesis.
@@ -114,6 +115,7 @@ class GreedySearch(FittedHypotheses):
 
         Look-alikes are tried even where the budget is spent: a name that was compared with none of them is not sure.
         """
+        self._substituted.add(one.key)
         for effect in one.effects:
             rest = self.without(one, effect)
             if rest.effects and not self.exhausted:
@@ -121,7 +123,7 @@ class GreedySearch(FittedHypotheses):
             self._try_look_alikes(one, effect, rest)
         self.polish()
         first = self.probable[0]
-        if first.key != one.key and len(first.effects) >= len(one.effects) and not self.exhausted:
+        if first.key not in self._substituted and len(first.effects) >= len(one.effects) and not self.exhausted:
             self.substitute(first)
 
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
