@@ -230,9 +230,16 @@ def test_a_bare_disk_is_fitted_by_hand_with_the_model_of_both_modes(
     assert browser.problems == []
 
 
+@pytest.fixture
+def slow(tmp_path: Path) -> Iterator[str]:
+    """A page whose analyzer takes as long as a real one: minutes for a sweep."""
+    with live_page(tmp_path, time_scale=1.0) as address:
+        yield address
+
+
 @needs_chromium
-def test_stop_and_refusals_of_the_daemon(page: str, lab: Client, browser: Browser) -> None:
-    browser.open(page)
+def test_stop_and_refusals_of_the_daemon(slow: str, browser: Browser) -> None:
+    browser.open(slow)
     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
     press(browser, "#steps", "ml1")
     browser.run(STOP)
@@ -315,7 +322,7 @@ STOP = """new Promise((done) => {
     const look = () => stop.disabled ? setTimeout(look, 20) : done(stop.click());
     look();
 })"""
-"""As soon as it is enabled: the sweep lasts two seconds, and a busy machine may take as long for one request."""
+"""As soon as it is enabled."""
 NAMED = "(one) => `${one.tagName} ${one.id} ${one.textContent.slice(0, 60)}`"
 REACHABLE = f"""[...document.querySelectorAll('a[href], button, input, select')]
     .filter((one) => !one.disabled && one.checkVisibility()).map({NAMED})"""
