@@ -54,7 +54,8 @@ BUDGET = 2_000_000
 A disk with one effect takes a tenth of it, three steps with several effects all."""
 UNFINISHED = 5
 """Budget: number of best hypotheses whose fits continue if they have not converged, and of continuations of one: a
-probability is computed from how well it describes the recordings where it ended."""
+probability is computed from how well it describes the recordings where it ended. As many tell what even the best of all
+miss."""
 NEAR = 12.0
 """ln odds within which a hypothesis is kept; anything further behind has a probability below 1e-5."""
 LIKELY = 7.0

@@ -18,7 +18,7 @@ from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
 
 ORDER = ("held", "tau", "slow", "fixture", "losses", "uneven", "shape", "fast", "bend", "rho", "colour")
-_ONE_IN_TWENTY = 1.645
+ONE_IN_TWENTY = 1.645
 """Standard deviations that a normal number exceeds in one case of twenty."""
 _SETTLED, _FURTHER = 3.0, 4
 """Change of ln evidence in a round below which a fit has converged, a tenth of the smallest that decides beside errors
@@ -163,7 +163,7 @@ class MarginalFit:
         usual = Held.of(columns, self.sizes.at_most(USUAL))
         excess = self.value.here - numbers - usual.log_S - usual.kernel.log_det
         by_chance = np.sqrt(2 * numbers + numbers**2 * spread_of_variance(numbers / 2) ** 2)
-        return float(max(0.0, 0.5 * (excess - _ONE_IN_TWENTY * by_chance)))
+        return float(max(0.0, 0.5 * (excess - ONE_IN_TWENTY * by_chance)))
 
     @cached_property
     def left_by_the_model(self) -> tuple[Complexes, ...]:

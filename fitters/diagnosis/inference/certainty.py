@@ -10,7 +10,7 @@ from ....models.base.arrays import Complexes, Reals
 from ...engine.recording import log_ratio
 from ..decision_rules import CLASS, CLASS_NATS, ODDS, RIVALS, UNFORESEEN
 from ..hypotheses.changes import change_by
-from ..hypotheses.hypothesis import Hypothesis, temper_of
+from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
@@ -112,7 +112,7 @@ def look_alikes(search: GreedySearch, one: Hypothesis, effect: Candidate) -> set
     them explains the other cannot explain again, and they are about as probable.
     """
     own = change_by(search.problem, one, effect)
-    within, part = CLASS_NATS * temper_of(search.ranked), {found.key: own for found, own in search.posterior}
+    within, part = CLASS_NATS * search.temper, {found.key: own for found, own in search.posterior}
     alike: set[Candidate] = set()
     for rival, other in rivals(search, one, effect):
         behind = one.log_evidence - rival.log_evidence

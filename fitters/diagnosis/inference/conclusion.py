@@ -239,11 +239,11 @@ def _alternatives(
 ) -> tuple[tuple[Alternative, ...], tuple[Alternative, ...]]:
     """Return the alternatives that the recordings cannot distinguish from an effect, and all that were tried."""
     search = certainties.search
-    said = [
-        (other in alike, Alternative(name, other.where, certainties.found({name}, other.where)))
-        for _, other in rivals(search, final, one)
-        for name in (other.effect.name,)
-    ]
+    tried = [other for _, other in rivals(search, final, one)]
     twins = [Alternative(one.effect.name, twin.where, 0.0) for twin in search.twins.get(one, ())]
-    same = [*twins, *(entry for is_alike, entry in said if is_alike)]
-    return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(entry for _, entry in said))
+    said = {
+        other: Alternative(other.effect.name, other.where, certainties.found({other.effect.name}, other.where))
+        for other in tried
+    }
+    same = [*twins, *(said[other] for other in tried if other in alike)]
+    return tuple(dict.fromkeys(same)), tuple(dict.fromkeys(said.values()))

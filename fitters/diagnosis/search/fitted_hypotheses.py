@@ -49,6 +49,11 @@ class FittedHypotheses:
         return self.ranked[0]
 
     @property
+    def temper(self) -> float:
+        """How much ln evidence counts as one nat beside these hypotheses."""
+        return temper_of(list(self.found.values()))
+
+    @property
     def posterior(self) -> list[tuple[Hypothesis, float]]:
         """The hypotheses with their probabilities, for which evidence counts less where it is approximate; sorted."""
         ranked = self.ranked
@@ -239,7 +244,7 @@ class FittedHypotheses:
 
     def _in_reach(self, some: Sequence[Hypothesis], within: float = NEAR) -> list[Hypothesis]:
         """Return those of some hypotheses that are not impossible beside the best one, or may not be after a refit."""
-        least = self.best.log_weight - within * temper_of(self.ranked)
+        least = self.best.log_weight - within * self.temper
         return [one for one in some if one.log_weight + one.fit.promised > least]
 
 

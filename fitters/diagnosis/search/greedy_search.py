@@ -23,7 +23,7 @@ from ..decision_rules import (
 )
 from ..hypotheses.changes import change_by
 from ..hypotheses.condensed_recordings import condensed
-from ..hypotheses.hypothesis import Hypothesis, beside, coarseness, temper_of
+from ..hypotheses.hypothesis import Hypothesis, beside, coarseness
 from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
 from .fitted_hypotheses import FittedHypotheses
@@ -83,7 +83,7 @@ class GreedySearch(FittedHypotheses):
             self.try_without_errors(self.best)
         self.account_for_local_errors()
         for _ in range(MOST - 1):
-            before, least = self.probable[0].key, self.best.log_weight + temper_of(self.ranked)
+            before, least = self.probable[0].key, self.best.log_weight + self.temper
             for parent in self._parents():
                 self.grow(parent, FITTED_LATER)
             self.polish()

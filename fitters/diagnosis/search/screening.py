@@ -13,6 +13,7 @@ from ....models.effects import Device, EffectParameter
 from ...engine.on_cores import on_cores
 from ...error_model.error_columns import ErrorColumns, WeakLine
 from ...error_model.error_sizes import USUAL, ErrorSizes
+from ...error_model.marginal_fit import ONE_IN_TWENTY
 from ...error_model.point_covariance import Kernel, PointErrors
 from ..decision_rules import ABSORBED, NAMED
 from ..hypotheses.hypothesis import Hypothesis
@@ -34,8 +35,6 @@ _LINES = 100
 _SCANS = 160
 _STRONGEST = 3
 """Number of lines of the residual at which a sharp resonance is tried."""
-_ONE_IN_TWENTY = 1.645
-"""Standard deviations below which a normal number is in one case of twenty."""
 _SAME = 0.999999
 _SMALL = 1e-2
 """Amplitude of an echo, relative to the usual one, from which its change of ln Z is taken to first order."""
@@ -74,7 +73,7 @@ class ScreenedCandidate:
 def _small(knob: EffectParameter) -> float:
     """Return a size below which one in twenty is."""
     median, spread = knob.expected
-    return float(median * np.exp(-_ONE_IN_TWENTY * spread))
+    return float(median * np.exp(-ONE_IN_TWENTY * spread))
 
 
 def _large(knob: EffectParameter) -> float:
