@@ -6,10 +6,12 @@ python -m pzctl.daemon.page.page_process BUILD.toml PORT
 import os
 import socket
 import ssl
+import subprocess
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO, cast
 
 from ...models.base.errors import PzctlError
 from ...models.build import Build
@@ -44,16 +46,15 @@ def check_installed() -> None:
 
 def serve(
     build: Build,
-    host: str,
-    port: int,
+    listener: socket.socket,
     token: str | None,
     *,
     users: PageUsers | None = None,
     certificate: tuple[Path, Path] | None = None,
 ) -> None:
-    """Serve the page for `build` until Ctrl-C; with `certificate` (certificate and key files), by HTTPS.
+    """Serve the page for `build` on a socket that listens until Ctrl-C.
 
-    Raises PageError.
+    With `certificate` (certificate and key files), by HTTPS. Raises PageError.
     """
     check_installed()
     import uvicorn
@@ -66,8 +67,6 @@ def serve(
     most = max(min(MOST_CONNECTIONS, allow_many_files() - OTHER_FILES), BACKLOG)
     config = uvicorn.Config(
         page_app(build, token, users),
-        host,
-        port,
         http=protocol,
         ws="none",
         backlog=BACKLOG,
@@ -77,10 +76,7 @@ def serve(
         access_log=False,
         timeout_graceful_shutdown=2,
     )
-    try:
-        uvicorn.Server(config).run()
-    except SystemExit:  # uvicorn exits after logging the reason
-        raise PageError(f"{host}:{port}: cannot listen there; is the port taken? --port takes another") from None
+    uvicorn.Server(config).run([listener])
 
 
 def tls_context(cert: Path, key: Path) -> ssl.SSLContext:
@@ -98,17 +94,17 @@ def tls_context(cert: Path, key: Path) -> ssl.SSLContext:
     return context
 
 
-def free_port(host: str, port: int, hint: str) -> int:
-    """Return the port, or for 0 a free one. Raises PageError with the hint if it is not possible to listen there."""
+def listen(host: str, port: int, hint: str) -> socket.socket:
+    """Return a socket that listens at the port, for 0 at a free one.
+
+    Raises PageError with the hint if it is not possible to listen there.
+    """
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family) as trial:
-            if os.name == "posix":  # as uvicorn does, so that a port closed just now counts as free
-                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            trial.bind(address)
-            return int(trial.getsockname()[1])
-    except OSError as error:
-        raise PageError(f"{host}:{port}: cannot listen there: {error.strerror or error}; {hint}") from None
+        return socket.create_server(address[:2], family=family, backlog=BACKLOG)
+    except OSError as error:  # `create_server` says the address once more behind the reason
+        reason = str(error.strerror or error).partition(" (while")[0]
+        raise PageError(f"{host}:{port}: cannot listen there: {reason}; {hint}") from None
 
 
 @contextmanager
@@ -120,25 +116,32 @@ def served_beside(build: Path, port: int) -> Generator[str]:
     """
     check_installed()
     read_build(build)
-    port = free_port(_LOOPBACK, port, "--page-port takes another")
+    listen(_LOOPBACK, port, "--page-port takes another").close()
     process = start_child(
         "pzctl.daemon.page.page_process",
         [str(build.resolve()), str(port)],
         sys.stderr.buffer,
-        stdout=sys.stderr.buffer,
+        stdout=subprocess.PIPE,
         environment={},
     )
     try:
-        yield f"http://{_LOOPBACK}:{port}/"
+        told = cast(IO[bytes], process.stdout).readline().strip()
+        if not told:
+            raise PageError("the page's process ended before it could serve the page; its last lines say why")
+        yield f"http://{_LOOPBACK}:{int(told)}/"
     finally:
         end_child(process)
 
 
 def main() -> None:
-    """Serve the page until the parent process ends."""
+    """Serve the page until the parent process ends; print the number of the port as soon as it is open."""
     end_with_parent()
     try:
-        serve(read_build(Path(sys.argv[1])), _LOOPBACK, int(sys.argv[2]), None)
+        build = read_build(Path(sys.argv[1]))
+        with listen(_LOOPBACK, int(sys.argv[2]), "--page-port takes another") as listener:
+            print(listener.getsockname()[1], flush=True)
+            os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nobody reads standard output from here on
+            serve(build, listener, None)
     except PzctlError as error:
         print(f"page: {error}", file=sys.stderr)
         sys.exit(error.exit_status)

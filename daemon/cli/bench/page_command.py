@@ -13,7 +13,7 @@ def page(
     host: Annotated[
         str, typer.Option(help="Address to listen on; any but a loopback address needs a token.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8294,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 takes any free one.")] = 8294,
     token: Annotated[
         str | None, typer.Option(help="Token for access; generated if one is needed and not given.")
     ] = None,
@@ -31,7 +31,7 @@ def page(
 
     pzctl page --host 192.168.0.20 --users page-users.toml --tls-cert lab.pem --tls-key lab.key
     """
-    from ...page.page_process import check_installed, free_port, serve, tls_context
+    from ...page.page_process import check_installed, listen, serve, tls_context
 
     check_installed()
     from ...files.builds.build_file import THESIS_BUILD, read_build
@@ -54,15 +54,15 @@ def page(
     page_users = PageUsers(users) if users else None
     device = read_build(build or THESIS_BUILD)
     screen = console(stderr=True)
-    port = free_port(host, port, "--host and --port take another")  # before starting a daemon that stays
-    if running() is None:
-        screen.print(
-            f"no daemon runs: starting one for {resource or 'a simulated 4294A'}; it keeps running", style="dim"
-        )
-        start(options({"time_scale": 0.02} | settings({"resource": resource})))
-    if token is None and page_users is None and not is_loopback(host):
-        token = new_token()
-    path = f"/?token={quote(token, safe='')}" if token else "/"
-    address = f"{'https' if certificate else 'http'}://{host}:{port}{path}"
-    print(json.dumps({"page": address}) if as_json else f"page: {address}", flush=True)
-    serve(device, host, port, token, users=page_users, certificate=certificate)
+    with listen(host, port, "--host and --port take another") as listener:  # before starting a daemon that stays
+        if running() is None:
+            screen.print(
+                f"no daemon runs: starting one for {resource or 'a simulated 4294A'}; it keeps running", style="dim"
+            )
+            start(options({"time_scale": 0.02} | settings({"resource": resource})))
+        if token is None and page_users is None and not is_loopback(host):
+            token = new_token()
+        path = f"/?token={quote(token, safe='')}" if token else "/"
+        address = f"{'https' if certificate else 'http'}://{host}:{listener.getsockname()[1]}{path}"
+        print(json.dumps({"page": address}) if as_json else f"page: {address}", flush=True)
+        serve(device, listener, token, users=page_users, certificate=certificate)

@@ -23,7 +23,7 @@ from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.opening import open_store
 from pzctl.daemon.journal.retention import copy_journal
-from pzctl.daemon.page.page_process import serve, served_beside
+from pzctl.daemon.page.page_process import listen, serve, served_beside
 from pzctl.daemon.report.fit_widget import sliders
 from pzctl.daemon.report.pictures.picture_file import save_picture
 from pzctl.daemon.samples.sample_selection import journal_samples
@@ -273,8 +273,8 @@ def test_a_port_that_is_taken(here: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(PzctlError, match=rf"endpoint 'tcp://127.0.0.1:{port}' cannot be bound: Address already"):
             bound(f"tcp://127.0.0.1:{port}")
-        with pytest.raises(PzctlError, match=f"127.0.0.1:{port}: cannot listen there; is the port taken"):
-            serve(read_build(BUILD), "127.0.0.1", port, None)
+        with pytest.raises(PzctlError, match=rf"127.0.0.1:{port}: cannot listen there: Address already .*; another"):
+            listen("127.0.0.1", port, "another")
         with (
             pytest.raises(PzctlError, match="cannot listen there: Address already in use; --page-port takes another"),
             served_beside(BUILD, port),
@@ -287,7 +287,7 @@ def test_a_port_that_is_taken(here: Path) -> None:
     [
         (
             "starlette",
-            lambda: serve(read_build(BUILD), "127.0.0.1", 0, None),
+            lambda: serve(read_build(BUILD), None, None),
             r"starlette is not installed; the page needs it: pip install starlette uvicorn",
         ),
         (
