@@ -1,14 +1,18 @@
 """One recording of an impedance analyzer."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Self, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .base.arrays import Frequencies, Impedances
+from .base.arrays import Frequencies, Impedances, Reals
 from .base.errors import PzctlError
+
+PER_POINT = ("noise_relative", "accuracy_relative")
+"""Settings with one number for each point: the analyzer's expected noise and its specified accuracy, relative to Z."""
 
 
 class SweepError(PzctlError):
@@ -75,6 +79,21 @@ class Sweep:
     def name(self) -> str:
         """What messages call the recording: its file, else its id; empty if it has neither."""
         return self.file or self.id
+
+    def at(self, points: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Self:
+        """Return the recording at some of its points, with its settings there."""
+        there = {name: self.per_point(name) for name in PER_POINT}
+        settings = {**self.settings, **{name: own[points].tolist() for name, own in there.items() if own is not None}}
+        return replace(self, frequency=self.frequency[points], impedance=self.impedance[points], settings=settings)
+
+    def per_point(self, name: str) -> Reals | None:
+        """Return a setting of `PER_POINT`, shape (N,); None unless there is a positive number for each point."""
+        given = self.settings.get(name)
+        if not isinstance(given, list) or len(given := cast("list[object]", given)) != self.frequency.size:
+            return None
+        if not all(isinstance(one, (int, float)) and 0 < one < np.inf for one in given):
+            return None
+        return np.array(given, np.float64)
 
     @property
     def admittance(self) -> Impedances:

@@ -150,7 +150,7 @@ def _within(recording: Sweep, segment: Segment, file: Path) -> Sweep:
     notes = recording.notes
     if not keep.all() or f[0] > segment.start_Hz or f[-1] < segment.stop_Hz:
         notes = (*notes, f"Played from {file.name}: {keep.sum()} recorded points within {range_}.")
-    return dataclasses.replace(recording, frequency=f[keep], impedance=recording.impedance[keep], notes=notes)
+    return dataclasses.replace(recording.at(keep), notes=notes)
 
 
 DRIVER = PrefixDriver("a recording (recording:FILE)", PREFIX, lambda path: Playback(Path(path).expanduser()))

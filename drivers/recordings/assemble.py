@@ -16,6 +16,16 @@ HIGHEST_Hz = 1e11
 """Frequency far above the range of any impedance analyzer."""
 
 
+REFERENCE = 50.0
+"""Usual reference of a network analyzer, ohm."""
+REFLECTION = 0.01
+"""Accuracy of the reflection coefficient of a network analyzer after calibration; data sheets have 0.005 to 0.02."""
+
+_OF_REFLECTION = (
+    f"A network analyzer's accuracy is assumed, {100 * REFLECTION:g} % of full reflection; --accuracy states another."
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Points:
     """The points of a file in the order of the file."""
@@ -35,12 +45,15 @@ def assemble(
     time: str | None = None,
     id_: str | None = None,
     notes: Sequence[str] = (),
+    *,
+    reference: float | None = None,
 ) -> Sweep:
     """Return the recording. `time` None means the time of the file, `id_` None the name of the file.
 
-    A downward sweep is reversed. Inverted polarity is reported in the notes, and the numbers stay as recorded. Raises
-    RecordingError for fewer than two points, for frequencies that are not monotonic, repeated or in another unit, and
-    for impedances that are zero or not finite.
+    `reference`: in ohm, if the file is that of a network analyzer, which measures the reflection; the settings then
+    have the accuracy at each point. A downward sweep is reversed. Inverted polarity is reported in the notes, and the
+    numbers stay as recorded. Raises RecordingError for fewer than two points, for frequencies that are not monotonic,
+    repeated or in another unit, and for impedances that are zero or not finite.
     """
     lines, frequency, impedance = points.lines, points.frequency, points.impedance
     if frequency.size < 2:
@@ -52,6 +65,9 @@ def assemble(
         settings["direction"] = "down"
     _check_frequency(page, lines, frequency)
     _check_impedance(page, lines, impedance)
+    if reference is not None:
+        settings["accuracy_relative"] = reflection_accuracy(impedance, reference).tolist()
+        notes = (*notes, _OF_REFLECTION)
     return Sweep(
         frequency=frequency,
         impedance=impedance,
@@ -60,6 +76,11 @@ def assemble(
         id=page.path.name if id_ is None else id_,
         notes=tuple(dict.fromkeys((*notes, *_polarity(impedance)))),
     )
+
+
+def reflection_accuracy(Z: Impedances, reference: float) -> Reals:
+    """Return the accuracy of ln Z from that of the reflection (Z - R)/(Z + R), shape (N,); R: the reference, ohm."""
+    return np.asarray(REFLECTION * np.abs(Z + reference) ** 2 / (2 * reference * np.abs(Z)), np.float64)
 
 
 def _check_frequency(page: TextFile, lines: Sequence[int], f: Reals) -> None:

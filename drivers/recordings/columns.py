@@ -99,7 +99,7 @@ def read_header(page: TextFile, cells: Sequence[str], line: int) -> list[ColumnM
 
     Raises RecordingError if there is no frequency.
     """
-    beside_reflection = any(REFLECTION.search(cell) for cell in cells)
+    beside_reflection = of_reflection(cells)
     columns: list[ColumnMeaning] = []
     for k, cell in enumerate(cells):
         column = _column(k, cell)
@@ -224,6 +224,11 @@ def points_of(
     if bare:
         notes.append(f"Columns {' and '.join(bare)} have no unit; SI units (ohm, siemens) are assumed.")
     return Points([n for n, _ in body], f, to_impedance(parameter, f, a, b)), notes
+
+
+def of_reflection(names: Sequence[str]) -> bool:
+    """Return whether a header has columns of a network analyzer, which measures the reflection."""
+    return any(REFLECTION.search(name) for name in names)
 
 
 def memory_columns(columns: Sequence[ColumnMeaning]) -> list[ColumnMeaning]:

@@ -82,8 +82,7 @@ class BareDisk:
         for sweep, noise in zip(self.sweeps, self.noises, strict=True):
             there = (sweep.frequency >= low) & (sweep.frequency <= high)
             if np.count_nonzero(there) >= 10:
-                cut = replace(sweep, frequency=sweep.frequency[there], impedance=sweep.impedance[there])
-                kept.append((cut, noise[there]))
+                kept.append((sweep.at(there), noise[there]))
         return replace(self, sweeps=tuple(s for s, _ in kept), noises=tuple(n for _, n in kept))
 
     @property

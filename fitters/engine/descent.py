@@ -130,8 +130,7 @@ def thinned(recording: Recording) -> Recording:
     """Return the recording reduced to a hundred points at most, densest at resonances."""
     sweep = recording.sweep
     at = along_curve(sweep.impedance)
-    few = replace(sweep, frequency=sweep.frequency[at], impedance=sweep.impedance[at])
-    return replace(recording, sweep=few, noise=recording.noise[at])
+    return replace(recording, sweep=sweep.at(at), noise=recording.noise[at])
 
 
 def lag_one(ratio: Complexes) -> float:

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from math import comb
-from typing import cast
 
 import numpy as np
 
@@ -166,9 +165,8 @@ def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
 
 def _accuracy(sweep: Sweep) -> Reals:
     """Return the accuracy that the driver noted at each point, shape (N,), or a default."""
-    accuracy = sweep.settings.get("accuracy_relative")
-    values = np.array(cast("list[float]", accuracy) if isinstance(accuracy, list) else [])
-    return values if values.shape == sweep.frequency.shape else np.full(sweep.frequency.size, _UNKNOWN)
+    accuracy = sweep.per_point("accuracy_relative")
+    return np.full(sweep.frequency.size, _UNKNOWN) if accuracy is None else accuracy
 
 
 def _kind(sweep: Sweep) -> tuple[object, ...]:

@@ -1,7 +1,6 @@
 """Swapped recordings: whether a step that no fit describes is described by the recording of a later one."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -46,8 +45,7 @@ def refuse_swapped(
 
 def _thinned(sweep: Sweep) -> Sweep:
     every = slice(None, None, max(1, int(np.ceil(sweep.frequency.size / _POINTS))))
-    settings = {name: value for name, value in sweep.settings.items() if not isinstance(value, list)}
-    return replace(sweep, frequency=sweep.frequency[every], impedance=sweep.impedance[every], settings=settings)
+    return sweep.at(every)
 
 
 def _names(sweeps: Sequence[Sweep]) -> str:

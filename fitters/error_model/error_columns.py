@@ -296,14 +296,13 @@ def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid) -
     """Add gain and phase errors, slow and fast, common to all sweeps."""
     for part, length, most in scales.OF_INSTRUMENT:
         functions = grid(length, most)
-        of = _at(places, functions)
+        errors = [
+            accuracy_of(place.recording.sweep)[:, None] * own for place, own in zip(places, functions, strict=True)
+        ]
+        of = _at(places, errors)
         for k in range(functions[0].shape[1]):
             for unit in (1.0, 1j):
-                add(part, 0.0, lambda p, of=of, k=k, unit=unit: _complex(_gain(p) * unit * of[id(p)][:, k]))
-
-
-def _gain(place: LinearisedRecording) -> float:
-    return accuracy_of(place.recording.sweep)
+                add(part, 0.0, lambda p, of=of, k=k, unit=unit: _complex(unit * of[id(p)][:, k]))
 
 
 def _switches(add: _Add, places: Sequence[LinearisedRecording], switches: Sequence[RangeSwitch]) -> None:

@@ -4,16 +4,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...models.base.arrays import Complexes
+from ...models.base.arrays import Complexes, Reals
 from ...models.sweep import Sweep
 from ..engine.recording import Recording
 from . import prior_scales as scales
 from .smooth_basis import ends_of, smooth
 
 
-def accuracy_of(sweep: Sweep) -> float:
-    """Return the accuracy of ln |Z| and of the phase in rad: `accuracy` of the sweep's settings, else a 4294A's."""
-    return float(sweep.settings.get("accuracy") or scales.INSTRUMENT)
+def accuracy_of(sweep: Sweep) -> Reals:
+    """Return the accuracy of ln |Z| and of the phase in rad, shape (N,).
+
+    That of the sweep's settings: `accuracy`, else `accuracy_relative` at each point, else a 4294A's up to 1 MHz.
+    """
+    stated = sweep.settings.get("accuracy")
+    noted = sweep.per_point("accuracy_relative")
+    if stated or noted is None:
+        return np.full(sweep.frequency.size, float(stated or scales.INSTRUMENT))
+    return noted
 
 
 def chi2_beside_instrument(recordings: Sequence[Recording], ratios: Sequence[Complexes], parameters: int) -> float:
@@ -27,7 +34,9 @@ def chi2_beside_instrument(recordings: Sequence[Recording], ratios: Sequence[Com
     ends = ends_of(logs)
     weights = [1 / recording.noise for recording in recordings]
     sizes = [accuracy_of(recording.sweep) for recording in recordings]
-    basis = [size * smooth(own, ends, scales.SLOW, scales.FEW_SLOW) for size, own in zip(sizes, logs, strict=True)]
+    basis = [
+        size[:, None] * smooth(own, ends, scales.SLOW, scales.FEW_SLOW) for size, own in zip(sizes, logs, strict=True)
+    ]
     B = np.concatenate([own * weight[:, None] for own, weight in zip(basis, weights, strict=True)])
     r = np.concatenate([own * weight for own, weight in zip(ratios, weights, strict=True)])
     normal = B.T @ B

@@ -62,4 +62,4 @@ def _shown(build: Build) -> str:
 
 def _thinned(sweep: Sweep) -> Sweep:
     every = slice(None, None, max(1, int(np.ceil(sweep.frequency.size / _POINTS))))
-    return replace(sweep, frequency=sweep.frequency[every], impedance=sweep.impedance[every])
+    return sweep.at(every)

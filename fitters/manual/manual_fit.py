@@ -190,8 +190,7 @@ class ManualFit:
             for sweep, sigma in zip(self.sweeps[step], self._subject.noises[step], strict=True):
                 mask = within(sweep, bands) & within(sweep, (part,))
                 if mask.sum() >= min(_FEWEST, mask.size):
-                    cut = replace(sweep, frequency=sweep.frequency[mask], impedance=sweep.impedance[mask])
-                    kept.append((cut, sigma[mask]))
+                    kept.append((sweep.at(mask), sigma[mask]))
         return kept
 
     def _curves(

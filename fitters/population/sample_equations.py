@@ -57,6 +57,8 @@ class SampleEquations:
     """Missing ln likelihood of its fit."""
     at: Mapping[str, Mapping[str, float]]
     """Parameters of each effect where it was linearised, by effect and parameter."""
+    accuracy: tuple[tuple[Reals, Reals], ...]
+    """ln frequency of each recording, and the analyzer's accuracy there, shape (N,)."""
 
 
 def bench_effects(stack: Stack, names: Collection[str] | None = None) -> Knobs:
@@ -90,7 +92,9 @@ def sample_equations(
     one = fitted(problem, (), problem.values, near=True, rounds=5)
     keys, shared, at = _shared(problem, one, ends, knobs, known)
     grams = {(tau, rho): _reduced(one, replace(one.fit.sizes, tau=tau, rho=rho), shared) for tau, rho in MODEL_ERRORS}
-    return SampleEquations(sample, keys, grams, one.fit.sizes, one.fit.shortfall, at)
+    sweeps = [recording.sweep for recording in problem.recordings]
+    accuracy = tuple((np.log(sweep.frequency), accuracy_of(sweep)) for sweep in sweeps)
+    return SampleEquations(sample, keys, grams, one.fit.sizes, one.fit.shortfall, at, accuracy)
 
 
 def _shared(
@@ -103,7 +107,7 @@ def _shared(
     for part, length, most in scales.OF_INSTRUMENT:
         bases = [smooth(np.log(r.sweep.frequency), ends, length, most) for r in problem.recordings]
         for own, basis, recording in zip(blocks, bases, problem.recordings, strict=True):
-            size = accuracy_of(recording.sweep)
+            size = accuracy_of(recording.sweep)[:, None]
             own += [np.asarray(size * basis * 1.0, np.complex128), np.asarray(1j * size * basis, np.complex128)]
         keys += [f"{part} {side} {k}" for side in ("gain", "phase") for k in range(bases[0].shape[1])]
     for part in ("fixture", *_MODEL):

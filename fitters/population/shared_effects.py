@@ -487,7 +487,7 @@ def _told(
     residue: tuple[BenchEffect, ...] = ()
     if fixture:
         residue = (BenchEffect(FixtureResidue.name, {name: part.value for name, part in fixture.items()}),)
-    gain, phase = _largest_errors(beside, ends)
+    gain, phase = _largest_errors(beside, ends, [own for one, _, _ in now.total.parts for own in one.accuracy])
     errors = {"tau": now.sizes.tau, "rho": now.sizes.rho}
     return SharedBench(effects, (*known, *residue), fixture, gain, phase, errors, tuple(rejected))
 
@@ -501,17 +501,19 @@ def _is_there(value: float, u: float) -> float:
     return float(1 / (1 + np.exp(-min(log_odds, 700.0))))
 
 
-def _largest_errors(beside: Mapping[str, tuple[float, float]], ends: tuple[float, float]) -> tuple[float, float]:
-    """Return the largest gain and phase error in the band."""
-    u = np.linspace(*ends, 200)
-    curves = {"gain": np.zeros(200), "phase": np.zeros(200)}
-    for part, length, most in scales.OF_INSTRUMENT:
-        basis = smooth(u, ends, length, most) * scales.INSTRUMENT
-        for side, curve in curves.items():
-            curve += basis @ [  # noqa: PLW2901 (in place)
-                beside.get(f"{part} {side} {k}", (0.0, 0.0))[0] for k in range(basis.shape[1])
-            ]
-    return float(np.max(np.abs(curves["gain"]))), float(np.max(np.abs(curves["phase"])))
+def _largest_errors(
+    beside: Mapping[str, tuple[float, float]], ends: tuple[float, float], accuracy: Sequence[tuple[Reals, Reals]]
+) -> tuple[float, float]:
+    """Return the largest gain and phase error of any recording; `accuracy`: ln frequency and accuracy of each."""
+    largest = {"gain": 0.0, "phase": 0.0}
+    for log_f, size in accuracy:
+        bases = {part: smooth(log_f, ends, length, most) for part, length, most in scales.OF_INSTRUMENT}
+        for side, before in largest.items():
+            curve = np.zeros(log_f.size)
+            for part, basis in bases.items():
+                curve += basis @ [beside.get(f"{part} {side} {k}", (0.0, 0.0))[0] for k in range(basis.shape[1])]
+            largest[side] = max(before, float(np.max(np.abs(curve * size))))
+    return largest["gain"], largest["phase"]
 
 
 def _effect(

@@ -3,11 +3,26 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from ..stack import LossLaw, Piezo, Stack
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.modified_laws import Relaxation, Slope, with_piezo
 from .base.scale import resonance
+
+_SOFT = 7e-3
+"""Slope in a soft ceramic, for a layer whose loss the build does not state."""
+
+
+def _causal_slope(layer: object) -> float:
+    """Return the slope -d ln eps'/d ln f that causality demands of a loss tangent that is the same at all frequencies.
+
+    eps ~ (jw)^-s has eps''/eps' = tan(s pi/2) (Jonscher).
+    """
+    if not isinstance(layer, Piezo) or layer.eps33S.imag == 0:
+        return _SOFT
+    return float(2 / np.pi * np.arctan(abs(layer.eps33S.imag) / layer.eps33S.real))
 
 
 class DielectricDispersion(Effect):
@@ -34,9 +49,13 @@ class DielectricDispersion(Effect):
         return tuple(f"layer:{layer.name}" for layer in stack.layers if isinstance(layer, Piezo))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return -d ln eps'/d ln f, strength of the relaxation, d ln tan d/d ln f, f/resonance of the relaxation."""
+        """Return -d ln eps'/d ln f, strength of the relaxation, d ln tan d/d ln f, f/resonance of the relaxation.
+
+        A slope is usually that which causality demands of the build's loss: 0.008 for Pz27, 0.09 for P(VDF-TrFE).
+        """
+        slope = _causal_slope(next(layer for layer in stack.layers if layer.name == layer_at(where)))
         return (
-            EffectParameter("slope", "1", typical=0.01, upper=0.5, prior=(7e-3, 1.4)),
+            EffectParameter("slope", "1", typical=0.01, upper=0.5, prior=(slope, 1.4)),
             EffectParameter("relaxation", "1", typical=0.01, upper=0.5, prior=(1e-2, 1.8)),
             EffectParameter("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0, prior=(0.0, 0.4)),
             EffectParameter("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3),

@@ -118,7 +118,7 @@ def _checks(checks: Sequence[DataCheck]) -> tuple[str, ...]:
 
 
 def _thinned(sweep: Sweep, every: int) -> Sweep:
-    return replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
+    return sweep.at(slice(None, None, every))
 
 
 def write_page(folder: Path, page: Path, heard: Callable[[RealAnswer], None] = lambda _: None) -> list[RealAnswer]:

@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ....models.sweep import Sweep
+from ....models.sweep import PER_POINT, Sweep
 from .sweep_record import INDUCTIVE
 
-PER_POINT = ("noise_relative", "accuracy_relative")
 TIMES = ("sweep_seconds", "estimated_seconds")
 _OF_ONE = ("spacing", "sweeps", "overlap_noise_relative", "overlap_drift")
 """Settings that hold for one segment only."""

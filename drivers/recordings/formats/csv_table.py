@@ -4,8 +4,8 @@ import csv
 import re
 
 from ....models.sweep import Sweep
-from ..assemble import assemble
-from ..columns import data_columns, memory_columns, points_of, read_header
+from ..assemble import REFERENCE, assemble
+from ..columns import data_columns, memory_columns, of_reflection, points_of, read_header
 from ..provenance import check_points, read_provenance
 from ..text_file import TextFile, is_number
 
@@ -36,7 +36,9 @@ def read_table(page: TextFile, columns: str | None = None) -> tuple[Sweep, Sweep
     body = [(n, _cells(text, separator)) for n, text in rows]
     check_points(page, provenance.rows, len(body))
     points, notes = points_of(page, data_columns(known), names, body, at)
-    main = assemble(page, points, provenance.settings, provenance.time, provenance.id, (*provenance.notes, *notes))
+    reference = REFERENCE if of_reflection(names) and not provenance.own else None
+    said = (*provenance.notes, *notes)
+    main = assemble(page, points, provenance.settings, provenance.time, provenance.id, said, reference=reference)
     memory = memory_columns(known)
     if not memory:
         return main, None

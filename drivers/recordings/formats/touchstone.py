@@ -13,12 +13,11 @@ import numpy as np
 
 from ....models.base.arrays import Impedances, Reals
 from ....models.sweep import Sweep
-from ..assemble import Points, assemble
+from ..assemble import REFERENCE, Points, assemble
 from ..provenance import FORMAT, Provenance, check_points, provenance_lines, read_provenance
 from ..text_file import RecordingError, TextFile, clipped
 
 _UNITS = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
-_REFERENCE = 50.0
 SUFFIXES = (".s1p", ".z1p", ".y1p")
 
 
@@ -58,7 +57,10 @@ def read_touchstone(page: TextFile) -> tuple[Sweep, None]:
     numbers = np.array([row for _, row in rows], dtype=np.float64).reshape(len(rows), 3)
     points = Points([n for n, _ in rows], options.unit * numbers[:, 0], _impedance(options, numbers))
     notes = (*provenance.notes, *([] if options.kind == "S" else [_normalised(options)]))
-    return assemble(page, points, provenance.settings, provenance.time, provenance.id, notes), None
+    foreign = options.kind == "S" and not provenance.own
+    reference = options.reference if foreign else None
+    made = assemble(page, points, provenance.settings, provenance.time, provenance.id, notes, reference=reference)
+    return made, None
 
 
 def _normalised(options: TouchstoneOptions) -> str:
@@ -112,10 +114,10 @@ def _impedance(options: TouchstoneOptions, numbers: Reals) -> Impedances:
 def touchstone_text(sweep: Sweep) -> str:
     """Return the recording as Touchstone 1, reflection at 50 ohm. Raises RecordingError if Z is -50 ohm."""
     z = sweep.impedance
-    if np.any(z == -_REFERENCE):
+    if np.any(z == -REFERENCE):
         raise RecordingError("an impedance of -50 ohm has no reflection at 50 ohm; write CSV instead")
-    s = (z - _REFERENCE) / (z + _REFERENCE)
+    s = (z - REFERENCE) / (z + REFERENCE)
     lines = [f"! {line}" for line in provenance_lines(sweep, z.size)]
-    lines.append(f"# Hz S RI R {_REFERENCE:g}")
+    lines.append(f"# Hz S RI R {REFERENCE:g}")
     lines += [f"{f!r} {v.real!r} {v.imag!r}" for f, v in zip(sweep.frequency.tolist(), s.tolist(), strict=True)]
     return "\n".join(lines) + "\n"

@@ -90,7 +90,7 @@ def _checked(step: str, index: int, sweep: Sweep, turned: str) -> tuple[Sweep, D
     ]
     if density is not None and density[0] < _COARSE:
         troubles.append(DataIssue("too coarse", (density[1], density[1]), None, density[0]))
-    put = replace(sweep, frequency=sweep.frequency[found.good], impedance=repaired(sweep, found.flaws)[found.good])
+    put = replace(sweep, impedance=repaired(sweep, found.flaws)).at(found.good)
     made = replace(
         check,
         noise=float(np.median(noise)),

@@ -51,14 +51,15 @@ def _condensed(recording: Recording, fit: PoleFit, colour: float) -> Recording:
     sweep, kept = recording.sweep, np.isfinite(recording.noise)
     real, imaginary = np.split(fit.residual, 2)
     left = np.log(1 - (real + 1j * imaginary)[kept] * recording.noise[kept])  # ln(Z/Z_poles)
-    f, Z = sweep.frequency[kept], sweep.impedance[kept]
+    sweep = sweep.at(kept)
+    f, Z = sweep.frequency, sweep.impedance
     groups = _Groups.of(np.log(f), np.log(Z) - left).split_where_curved(left, recording.noise[kept])
     at = groups.middle
     own = recording.model
     if isinstance(own, Device):
-        passed = own.conditions.passed(sweep.frequency.size)[kept][at]
+        passed = own.conditions.passed(kept.size)[kept][at]
         own = replace(own, conditions=replace(own.conditions, points=tuple(passed.tolist())))
-    few = replace(sweep, frequency=f[at], impedance=Z[at] * np.exp(groups.mean(left) - left[at]))
+    few = replace(sweep, impedance=Z * np.exp(groups.mean(left)[groups.number] - left)).at(at)
     noise = np.sqrt(np.real(groups.mean(recording.noise[kept] ** 2)) / groups.counts)
     return replace(recording, sweep=few, model=own, noise=noise * _coloured(groups.counts, colour))
 

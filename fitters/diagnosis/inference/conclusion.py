@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 
 from ....models.effects.base.effect import TERMINALS
-from ...error_model.instrument_share import accuracy_of
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import LISTED, NAMED, NOTHING, PARENTS, TOLD, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
@@ -86,13 +85,12 @@ def conclude(search: GreedySearch) -> Conclusion:
     null, certainties = search.null, Certainties(search)
     final, sure = _most_certain(search, certainties)
     after = constants_of(search.problem, final)
-    accuracy = max(accuracy_of(recording.sweep) for recording in search.problem.recordings)
     named: list[NamedEffect] = []
     for one in final.effects:
         without = search.without(final, one)
         sizes = final.fit.sizes
         artefact = one.effect.name == UNKNOWN  # an error of the instrument itself
-        error = accuracy * max(sizes.slow, sizes.fast, TOLERATED if artefact else 0.0)
+        error = max(sizes.slow, sizes.fast, TOLERATED if artefact else 0.0)
         matters = largest_of(search.problem, final, one) > error
         if not artefact:
             matters = matters or moves_a_constant(constants_of(search.problem, without), after)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ....models.base.arrays import Reals
+from ...error_model.instrument_share import accuracy_of
 from ...error_model.uncertainty_sources import spread_of
 from ...interface import Constant
 from ..findings import Size
@@ -32,9 +33,10 @@ def moved(final: Hypothesis, without: Hypothesis) -> float:
 
 
 def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:
-    """Return the largest |change of ln Z| at any point beyond what constants could do."""
+    """Return the largest |change of ln Z| at any point beyond what constants could do, in units of the accuracy."""
     change = one.projected([change_by(problem, one, effect)])[:, 0]
-    return float(np.max(np.abs(change)))
+    accuracy = np.concatenate([accuracy_of(recording.sweep) for recording in problem.recordings])
+    return float(np.max(np.abs(change) / np.tile(accuracy, 2)))
 
 
 def covariance_of(one: Hypothesis, coarseness: float = 1.0) -> Reals:

@@ -112,6 +112,4 @@ def _bottom(objective: Objective, x: Reals, most: int) -> _Bottom:
 def thinned(recording: Recording, points: int = _COARSE) -> Recording:
     """Return the recording with every n-th point only, about so many."""
     every = max(1, recording.sweep.frequency.size // points)
-    sweep = recording.sweep
-    few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
-    return replace(recording, sweep=few, noise=recording.noise[::every])
+    return replace(recording, sweep=recording.sweep.at(slice(None, None, every)), noise=recording.noise[::every])

@@ -81,9 +81,7 @@ def problem_of(task: FitTask) -> StackProblem:
         noise[step], sigmas = noise_of(of_step)
         within = [(sweep.frequency <= highest, sweep, s) for sweep, s in zip(of_step, sigmas, strict=True)]
         within = [one for one in within if np.count_nonzero(one[0]) >= _FEWEST]
-        kept[step] = tuple(
-            replace(sweep, frequency=sweep.frequency[at], impedance=sweep.impedance[at]) for at, sweep, _ in within
-        )
+        kept[step] = tuple(sweep.at(at) for at, sweep, _ in within)
         noises[step] = tuple(s[at] for at, _, s in within)
     kept = {step: own for step, own in kept.items() if own}
     if not kept:

@@ -119,5 +119,4 @@ def _agreeing(layer: str, usual: Mapping[str, float], plate: Mapping[str, float]
 def thinned(recording: Recording) -> Recording:
     """Return the recording with every n-th point only, for a search."""
     sweep, every = recording.sweep, max(1, recording.sweep.frequency.size // _COARSE)
-    few = replace(sweep, frequency=sweep.frequency[::every], impedance=sweep.impedance[::every])
-    return replace(recording, sweep=few, noise=recording.noise[::every])
+    return replace(recording, sweep=sweep.at(slice(None, None, every)), noise=recording.noise[::every])

@@ -11,7 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pzctl.drivers.recordings import RecordingError, read_data_trace, read_memory_trace, read_recording
+from pzctl.drivers.recordings import (
+    RecordingError,
+    read_data_trace,
+    read_memory_trace,
+    read_recording,
+    write_touchstone,
+)
 
 
 def test_all_three_4294a_exports(recordings: Path) -> None:
@@ -301,3 +307,25 @@ def test_binary_data_trace_takes_its_frequencies_from_the_caller(tmp_path: Path)
     file.write_bytes(file.read_bytes()[:-1])
     with pytest.raises(RecordingError, match="102 bytes cannot be two complete traces"):
         read_data_trace(file, np.array([1e6, 2e6]), "IMPH")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.s1p", "# Hz S RI R 50\n1e6 0 0\n2e6 .5 0\n"),
+        ("a.csv", "Frequency(Hz),Return Loss(dB),Rs,Xs\n1e6,-60,50,0\n2e6,-6,150,0\n"),
+    ],
+)
+def test_a_network_analyzer_is_as_accurate_as_its_reflection(tmp_path: Path, name: str, text: str) -> None:
+    """d ln Z = 2 d Gamma / (1 - Gamma^2)."""
+    file = tmp_path / name
+    file.write_text(text)
+    sweep = read_recording(file)
+    assert sweep.settings["accuracy_relative"] == pytest.approx([0.02, 0.02 / 0.75])
+    assert any("network analyzer" in note for note in sweep.notes)
+
+
+def test_an_impedance_analyzers_sweep_in_a_touchstone_file_is_none_of_a_network_analyzer(tmp_path: Path) -> None:
+    file = tmp_path / "a.s1p"
+    write_touchstone(Sweep(np.array([1e6, 2e6]), np.array([50 + 1j, 40 + 2j]), settings={"bandwidth": 5}), file)
+    assert "accuracy_relative" not in read_recording(file).settings
