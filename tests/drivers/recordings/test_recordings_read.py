@@ -18,6 +18,7 @@ from pzctl.drivers.recordings import (
     read_recording,
     write_touchstone,
 )
+from pzctl.models.sweep import Sweep
 
 
 def test_all_three_4294a_exports(recordings: Path) -> None:
