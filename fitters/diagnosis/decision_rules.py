@@ -85,12 +85,6 @@ TOLERATED = 2.0
 """Standard deviations of a fixture's residual (`prior_scales.FIXTURE`) up to which an effect at the terminals is
 attributed to the fixture, if the recordings show instrument errors, and of the analyzer's accuracy up to which an
 artefact is an error that it may have; one in twenty has more."""
-LEFT = 8e-4
-"""Standard deviation, over good devices, of the rms of ln Z that no constant, no effect and no error of the instrument
-explains: scatter of thickness, losses that change over the band. It was 8e-4 in the fits without effects of eight
-generated devices that had none. How much more has a cause of its own follows from the odds of both."""
-LEFT_AT_MOST = 2 * LEFT
-"""What one good device in twenty exceeds: less needs no explanation, and nothing to be searched for."""
 FALSE_ALARM = 0.01
 """Probability below which held-out data contradict what was learned: so many right laws are said to be unproved. A law
 is chosen because it describes the recording; only a prediction can prove it. 1 of 200 was in

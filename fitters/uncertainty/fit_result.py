@@ -24,6 +24,8 @@ from ..engine.parameters.known_effects import KnownEffect
 from ..engine.recording import rms
 from ..error_model.instrument_share import chi2_beside_instrument
 from ..error_model.marginal_estimate import MarginalEstimate, marginal_estimate
+from ..error_model.prior_scales import LEFT_AT_MOST
+from ..error_model.unexplained import unexplained
 from ..interface import Constant, Curve, FitResult, Options
 from .bootstrap import bootstrap
 from .budget import budget_of
@@ -134,7 +136,8 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     whole = covariance if told is None else told.with_held
     derived = derived_constants(layers, values, coordinates.parameters, whole)
     curves = curves_of(objective, coordinates.inverse(solution.begun), result.x)
-    says = verdict(result, solution.build, curves, noise.relative)
+    left = None if told is None else unexplained(told.found)
+    says = verdict(result, solution.build, curves, noise.relative, left)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
     says += separability(layers, values, coordinates.parameters, covariance, derived, highest)
     if options.procedure == "frozen" and len(solution.noises) > 1:
@@ -192,10 +195,20 @@ def _aspect(build: Build) -> float | None:
     return build.diameter.re / piezo.values["thickness"].re
 
 
-def verdict(result: Estimate, build: Build, curves: Sequence[Curve], noise: float) -> tuple[str, ...]:
-    """Return what a person must know before using the numbers."""
+def verdict(
+    result: Estimate, build: Build, curves: Sequence[Curve], noise: float, left: float | None
+) -> tuple[str, ...]:
+    """Return what a person must know before using the numbers.
+
+    `left`: rms of ln Z that neither constants nor errors of the instrument explain, if the fit had errors.
+    """
     says: list[str] = []
-    if result.chi2_per_dof > _MISFIT:
+    if result.chi2_per_dof > _MISFIT and left is not None and left < LEFT_AT_MOST:
+        says.append(
+            f"Beside errors that the instrument may have, the fit leaves {100 * left:.1g} % of Z, where the noise is "
+            f"{100 * noise:.1g} %: no more than the imperfections of a good device. The uncertainties include it."
+        )
+    elif result.chi2_per_dof > _MISFIT:
         errors = {step: _rms_of_step(curves, step) for step in dict.fromkeys(curve.step for curve in curves)}
         worst = max(errors, key=lambda step: errors[step])
         of, error = (f"step {worst!r}", errors[worst]) if len(errors) > 1 else ("this recording", result.rms_log_error)

@@ -89,8 +89,9 @@ def noisy(z: Impedances, sigma: Reals, random: np.random.Generator) -> Impedance
 def systematic(z: Impedances, t: Terms, direction: Complexes) -> Impedances:
     """Return impedances with the systematic error of this instrument: at most E, the same in every sweep.
 
+    An error of gain and phase, an impedance that remains in series, and an admittance that remains in parallel.
     `direction`, shape (3,), is the fraction of each term that this instrument errs by; each has magnitude at most 1.
     """
-    size = np.maximum(np.abs(z), 1e-12)
-    error = direction[0] * t.proportional / 100 + direction[1] * t.series / size + direction[2] * t.parallel * size
+    safe = np.where(np.abs(z) < 1e-12, 1e-12, z)
+    error = direction[0] * t.proportional / 100 + direction[1] * t.series / safe + direction[2] * t.parallel * safe
     return z * (1 + error)

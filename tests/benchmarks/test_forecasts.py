@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from relaxing_disk import BUILD
 
-from pzctl.fitters.diagnosis.decision_rules import FALSE_ALARM, LEFT_AT_MOST
+from pzctl.fitters.diagnosis.decision_rules import FALSE_ALARM
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.search.local_errors import with_local_errors
 from pzctl.fitters.diagnosis.validation.forecast import Forecast, forecast_of
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.parameters.assembly import stack_of
+from pzctl.fitters.error_model.prior_scales import LEFT_AT_MOST
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Device
 from pzctl.models.effects.learned.corrections import Place

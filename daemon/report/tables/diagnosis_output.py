@@ -84,10 +84,12 @@ def print_diagnosis(console: Console, diagnosis: Mapping[str, Any]) -> None:
     if diagnosis["not_decidable"]:
         console.print("Could be present; the constants would hide it:", highlight=False)
         console.print(_open_table(diagnosis["not_decidable"], diagnosis["final"].get("constants", {})))
-    before, after = diagnosis["baseline"], diagnosis["final"]
-    held_out = f", held-out points: {_fall(before, after, 'held_out')}" if after["held_out"] else ""
-    fall = _fall(before, after, "chi2_per_dof")
-    console.print(f"chi2/dof {fall}{held_out}; {diagnosis['seconds']:.1f} s", highlight=False)
+    seconds = f"{diagnosis['seconds']:.1f} s"
+    if findings:
+        before, after = diagnosis["baseline"], diagnosis["final"]
+        held_out = f", held-out points: {_fall(before, after, 'held_out')}" if after["held_out"] else ""
+        seconds = f"chi2/dof {_fall(before, after, 'chi2_per_dof')}{held_out}; {seconds}"
+    console.print(seconds, highlight=False)
 
 
 def print_constants(console: Console, diagnosis: Diagnosis) -> None:

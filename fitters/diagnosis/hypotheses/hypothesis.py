@@ -17,10 +17,10 @@ from ...error_model.at_resonance import at_resonance
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
-from ...error_model.point_covariance import under_colour
-from ...error_model.uncertainty_sources import taken_up
+from ...error_model.prior_scales import LEFT
+from ...error_model.unexplained import beyond_constants, unexplained_at
 from ...interface import UNCOMPUTABLE
-from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, LEFT, ODDS, UNFINISHED
+from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, ODDS, UNFINISHED
 from .own_losses import log_losses, own_losses
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, formula_errors, log_tails_of
@@ -82,17 +82,8 @@ class Hypothesis:
 
     @cached_property
     def unexplained_at(self) -> Reals:
-        """Squared model error |ln Z|^2 at each point, after projecting out the constants; shape (N,).
-
-        What every device has does not count. The rough part contains the noise, whose variance is subtracted: sums over
-        many points are meaningful, single values may be negative.
-        """
-        taken = taken_up(self.fit)
-        both = self.projected([list(taken.model), list(taken.left)])
-        noise = np.concatenate([own.noise for own in self.fit.gram.columns.points])
-        noise = noise / under_colour(self.fit.sizes.colour)
-        model, rough = (both**2).reshape(2, -1, 2).sum(axis=0).T
-        return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
+        """Squared model error |ln Z|^2 at each point, after projecting out the constants; shape (N,)."""
+        return unexplained_at(self.fit, self._parameters)
 
     @property
     def errors(self) -> list[Complexes]:
@@ -103,16 +94,11 @@ class Hypothesis:
 
     def projected(self, changes: list[list[Complexes]]) -> Reals:
         """Return changes of ln Z after projecting out the constants, as columns of shape (2N, K)."""
-        free = self.objective.coordinates.free
-        effect_parameters = {name for effect in self.effects for name in effect.parameters}
-        own = [k for k, name in enumerate(free) if name not in effect_parameters]
-        slopes = np.concatenate(self.fit.gram.J)[:, own]
-        rows = np.concatenate([slopes.real, slopes.imag])
-        size = np.linalg.norm(rows, axis=0)
-        Q, _ = np.linalg.qr(rows[:, size > 0] / size[size > 0])
-        whole = np.stack([np.concatenate(change) for change in changes], axis=1)
-        both = np.concatenate([whole.real, whole.imag])
-        return both - Q @ (Q.T @ both)
+        return beyond_constants(self.fit, changes, self._parameters)
+
+    @property
+    def _parameters(self) -> frozenset[str]:
+        return frozenset(name for effect in self.effects for name in effect.parameters)
 
     @property
     def log_weight(self) -> float:

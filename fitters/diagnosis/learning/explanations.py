@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.effects.learned.laws import laws
-from ..decision_rules import LEFT_AT_MOST
+from ...error_model.prior_scales import LEFT_AT_MOST
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
 from .law_fits import LearnedCorrection, left_by

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from ....models.effects.learned.corrections import INSTRUMENT
 from ....models.effects.learned.learned import NAME
 from ...error_model.error_sizes import USUAL, ErrorSizes
+from ...error_model.prior_scales import LEFT_AT_MOST
 from ...interface import UNCOMPUTABLE
-from ..decision_rules import LEFT_AT_MOST, NAMED
+from ..decision_rules import NAMED
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem

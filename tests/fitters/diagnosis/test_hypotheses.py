@@ -12,7 +12,7 @@ from scipy.stats import halfnorm, loguniform
 
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.diagnosis.decision_rules import LEFT, ODDS
+from pzctl.fitters.diagnosis.decision_rules import ODDS
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates, flaws
 from pzctl.fitters.diagnosis.hypotheses.conditions import as_devices
 from pzctl.fitters.diagnosis.hypotheses.held_out import bands_of, blocks, held_out
@@ -40,6 +40,7 @@ from pzctl.fitters.diagnosis.search.screening import ScreenedCandidate
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.recording import Prior
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
+from pzctl.fitters.error_model.prior_scales import LEFT
 from pzctl.fitters.interface import FitTask
 from pzctl.models import materials
 from pzctl.models.effects import Device, EffectParameter, catalogue
