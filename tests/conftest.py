@@ -15,6 +15,7 @@ os.environ.setdefault("PZCTL_FITTERS", "mason")
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False  # otherwise each of a thousand processes compiles the package again
 
+import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,6 +30,22 @@ ROOT = Path(__file__).resolve().parents[1]
 
 TESTS = ROOT / "tests"
 SUPPORT = TESTS / "support"
+
+IN_MEMORY = Path("/dev/shm")  # noqa: S108 (only pytest's own folders are made there)
+MOST_FILES = 2 << 30
+"""Bytes, several times what the folders of all tests hold at the same time."""
+
+
+def _holds_tests(folder: Path) -> bool:
+    """Return whether the folders of all tests fit into a folder, and commands written there may be run."""
+    if not (sys.platform == "linux" and os.access(folder, os.W_OK)):
+        return False
+    return shutil.disk_usage(folder).free > MOST_FILES and not os.statvfs(folder).f_flag & os.ST_NOEXEC
+
+
+# A disk keeps tests waiting that write journals, and then for a minute until the files of an earlier run are deleted.
+if _holds_tests(IN_MEMORY):
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(IN_MEMORY))
 
 STARTS_PROCESSES = frozenset({"start_daemon", "start_program", "on_cores", "cluster", "odd_fitter"})
 """Fixtures that start processes."""

@@ -1,13 +1,11 @@
-"""The guides work as written: every block marked `<!-- run -->` is run unchanged, page by page.
+"""The guides work as written: every block marked `<!-- run -->` is run, page by page, with fewer points and effects.
 
 `<!-- file: NAME -->` before a block writes it into a file of that name; `<!-- tested: FILE -->` names the test that
 runs a block's content.
 """
 
-import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -16,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from chromium import free_port
 from errors_page import all_sites, error_kinds, page, rows_of
 from fork_server import ForkServer
+from guides import BLOCK, run_guide
 from typer.main import get_command
 
 from pzctl.daemon.cli import app
@@ -32,56 +30,34 @@ INDENTED = re.compile(r"^    pzctl (.*)$", re.MULTILINE)
 LEAST_PART = 0.2
 """Fraction of all error sentences that may be new since `make errors` was run, or cannot be provoked by a test."""
 COMMAND = re.compile(r"^pzctl (.*)$", re.MULTILINE)
-BLOCK = re.compile(r"<!-- (run|file: (\S+)) -->\n```\w*\n(.*?)```", re.DOTALL)
-PORT = re.compile(r"port (\d{4})\b")
-STARTED = re.compile(r"^(pzctl sim --port (\d+) .*&)\nsleep 3$", re.MULTILINE)
-UNTIL_IT_LISTENS = r"""\1
-for k in $(seq 600); do (: < /dev/tcp/127.0.0.1/\2) 2>/dev/null && break; sleep 0.1; done"""
-"""A busy machine may take longer than three seconds, an idle one less."""
 POINTS = re.compile(r"points = (\d+)")
 MOST_POINTS = 41
 WHOLE_CATALOGUE = re.compile(r"^(pzctl diagnose) (?!.*--effects)(?=.*=)", re.MULTILINE)
-FEW_EFFECTS = r"\1 --effects lead-inductance,electrode-mass "
-"""Diagnoses that would try the whole catalogue; tests/benchmarks/test_open_cases.py has complete ones."""
+FEW_EFFECTS = r"\1 --effects lead-inductance "
+LEARNS = re.compile(r"^pzctl diagnose .*--learn .*$", re.MULTILINE)
+LEARNED = re.compile(r"```toml\n(\[\[effects\]\]\neffect = \"learned\"\n.*?)```", re.DOTALL)
+APPENDED = "cat >> S1.toml <<'TOML'\n{}TOML"
+"""Diagnoses that would try the whole catalogue, and a search for a law, in place of which the guide's own lines are
+written; tests/benchmarks/test_guides.py runs both."""
 PAGES = sorted(path.name for path in DOCS.glob("*.md") if BLOCK.search(path.read_text(encoding="utf-8")))
 
 AS_FOR_USERS = ("reading-the-numbers.md",)
 """Pages whose commands begin as new interpreters; those of the others are forked, which saves their imports."""
 
 
-def _fewer(points: re.Match[str]) -> str:
-    return f"points = {min(int(points[1]), MOST_POINTS)}"
+def _shorter(guide: str) -> str:
+    """Return the same guide in a time that can be waited for."""
+    guide = POINTS.sub(lambda points: f"points = {min(int(points[1]), MOST_POINTS)}", guide)
+    if learned := LEARNED.search(guide):
+        guide = LEARNS.sub(lambda _: APPENDED.format(learned[1]), guide)
+    return WHOLE_CATALOGUE.sub(FEW_EFFECTS, guide)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the blocks are for a POSIX shell")
 @pytest.mark.parametrize("name", PAGES)
 def test_every_command_of_a_guide_works(name: str, tmp_path: Path, fork_server: ForkServer | None) -> None:
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    environment = {**os.environ, "PATH": path, "PZCTL_HOME": str(tmp_path / "home")}
-    files: tuple[int, ...] = ()
-    if fork_server is not None and name not in AS_FOR_USERS:
-        more, files = fork_server.for_shell(tmp_path, path)
-        environment |= more
-    shorter = POINTS.sub(_fewer, (DOCS / name).read_text(encoding="utf-8"))  # the same without the wait
-    for port in set(PORT.findall(shorter)):
-        shorter = shorter.replace(port, str(free_port()))
-    shorter = STARTED.sub(UNTIL_IT_LISTENS, WHOLE_CATALOGUE.sub(FEW_EFFECTS, shorter))
-    for kind, file, text in BLOCK.findall(shorter):
-        if kind != "run":
-            (tmp_path / file).write_text(text, encoding="utf-8")
-            continue
-        shell = shutil.which("bash") or "/bin/sh"
-        done = subprocess.run(
-            [shell, "-em", "-c", text],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-            pass_fds=files,
-        )
-        assert done.returncode == 0, f"{text}\n{done.stdout[-1500:]}\n{done.stderr[-1500:]}"
-        assert "Traceback" not in done.stderr
+    server = None if name in AS_FOR_USERS else fork_server
+    run_guide(_shorter((DOCS / name).read_text(encoding="utf-8")), tmp_path, server)
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda path: path.name)

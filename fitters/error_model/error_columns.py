@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -109,12 +110,19 @@ class ErrorColumns:
 
         Each of shape (P,); those of the prior.
         """
-        plain: Reals = np.array([sizes[part] if part != "imaginary" else 0.0 for part in self.parts])
-        free = np.array([part == "imaginary" for part in self.parts], dtype=np.float64)
+        kinds, which, free = self._kinds
+        plain: Reals = np.array([sizes[part] if part != "imaginary" else 0.0 for part in kinds])[which]
         both = np.hypot(scales.IMAGINARY * sizes["tau"], self.losses * sizes["losses"])
         scale = np.asarray(plain + free * both, np.float64)
         on = np.flatnonzero(scale > 0)
         return on, scale[on]
+
+    @cached_property
+    def _kinds(self) -> tuple[tuple[Part, ...], NDArray[np.intp], Reals]:
+        """Kinds of parts, for each column which of them it is, and 1 where it is imaginary, shape (C,)."""
+        kinds = tuple(dict.fromkeys(self.parts))
+        which = np.array([kinds.index(part) for part in self.parts], np.intp)
+        return kinds, which, np.array([part == "imaginary" for part in self.parts], dtype=np.float64)
 
     def only(self, on: NDArray[np.intp]) -> "ErrorColumns":
         """Return the columns with these indices."""

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from math import log
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, solve_triangular
-from scipy.linalg.lapack import dpotrf, dtrtrs
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 
 from ...models.base.arrays import Complexes, Reals
 from . import prior_scales as scales
@@ -52,9 +52,9 @@ class ErrorSizes:
     bend: float = 0.0
     colour: float = 0.0
 
-    def at(self, name: str, value: float) -> Self:
+    def at(self, name: str, value: float) -> "ErrorSizes":
         """Return the same with another size of one part."""
-        return replace(self, **{name: value})
+        return self if getattr(self, name) == value else _at(self, name, value)
 
     def at_most(self, other: "ErrorSizes") -> Self:
         """Return the same with no error larger than in `other`; the colour of the noise is unchanged."""
@@ -64,14 +64,9 @@ class ErrorSizes:
     @property
     def log_prior(self) -> float:
         """Logarithm of the prior probability on the grids."""
-        total = 0.0
-        for name, grid in GRIDS.items():
-            none = self._none(name)
-            share = 1 / (len(grid) - 1) if name != "slow" else scales.LIKELY[self.slow]
-            total += log(none) if getattr(self, name) == 0 else log((1 - none) * share)
-        return total
+        return _log_prior(self)
 
-    def _none(self, name: str) -> float:
+    def none(self, name: str) -> float:
         """Return the prior probability that a part is absent, given the others.
 
         An error-free fixture, an exact data sheet and parallel faces belong to an error-free instrument; and no real
@@ -102,6 +97,22 @@ class ErrorSizes:
         """Return the scale of each part that has columns."""
         sizes = {name: getattr(self, name) for name in GRIDS if name not in _DEAR}
         return {**sizes, "line": 1.0, "switch": 1.0, "formula": 1.0}
+
+
+# The same sizes are tried beside every effect.
+@lru_cache(maxsize=16384)
+def _at(sizes: ErrorSizes, name: str, value: float) -> ErrorSizes:
+    return replace(sizes, **{name: value})
+
+
+@lru_cache(maxsize=4096)
+def _log_prior(sizes: ErrorSizes) -> float:
+    total = 0.0
+    for name, grid in GRIDS.items():
+        none = sizes.none(name)
+        share = 1 / (len(grid) - 1) if name != "slow" else scales.LIKELY[sizes.slow]
+        total += log(none) if getattr(sizes, name) == 0 else log((1 - none) * share)
+    return total
 
 
 USUAL = ErrorSizes(tau=3e-5, rho=3e-4, slow=1.0, fixture=1.0, losses=1.0, uneven=1.0)
@@ -168,8 +179,7 @@ class Gram:
 
     def possible(self, sizes: ErrorSizes) -> ErrorSizes:
         """Return the same with no more colour of the noise than the recordings allow."""
-        most = min((own.colour_limit for own in self.columns.points), default=1.0)
-        return sizes.at("colour", min(sizes.colour, max(one for one in scales.COLOURS if one <= most)))
+        return sizes.at("colour", min(sizes.colour, self._most_colour))
 
     def coefficients(self, sizes: ErrorSizes) -> Reals:
         """Return the most probable coefficient of each column, shape (C,), at the point itself. Raises LinAlgError."""
@@ -184,6 +194,11 @@ class Gram:
         return self._known[colour, rough]
 
     @cached_property
+    def _most_colour(self) -> float:
+        most = min((own.colour_limit for own in self.columns.points), default=1.0)
+        return max(one for one in scales.COLOURS if one <= most)
+
+    @cached_property
     def _in_noise(self) -> RealColumns:
         blocks = [
             np.concatenate([c, j, r[:, None]], axis=1)
@@ -194,21 +209,28 @@ class Gram:
 
 def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
     """Return the Cholesky factor of 1 + d G d, and ln of its determinant. Raises LinAlgError."""
-    S = np.eye(d.size) + d[:, None] * G * d
-    if not np.all(np.diag(S) > 0):
+    S = _one(d.size) + d[:, None] * G * d
+    diagonal = S.diagonal()
+    if not (diagonal > 0).all():
         raise np.linalg.LinAlgError("no covariance")
-    unit = np.sqrt(np.diag(S))
+    unit = np.sqrt(diagonal)
     scaled = unit[:, None] * _cholesky(S / unit / unit[:, None])
-    return scaled, 2 * float(np.sum(np.log(np.diag(scaled))))
+    return scaled, 2 * float(np.log(scaled.diagonal()).sum())
 
 
 def _cholesky(S: Reals) -> Reals:
     """Return the lower Cholesky factor of a matrix of unit diagonal. Raises LinAlgError."""
     for ridge in _RIDGES:
-        L, failed = dpotrf(S + ridge * np.eye(len(S)), lower=1)
+        L, failed = dpotrf(S + ridge * _one(len(S)), lower=1)  # zeros above the diagonal
         if not failed:
-            return np.tril(L)
+            return np.ascontiguousarray(L)
     raise np.linalg.LinAlgError("no covariance")
+
+
+@cache
+def _one(size: int) -> Reals:
+    """Return the unit matrix."""
+    return np.eye(size)
 
 
 def whitened_by(L: Reals, GX: Reals) -> Reals:
@@ -235,10 +257,10 @@ def valued(X: Reals, B: Reals, log_K: float, before: Beforehand, sizes: ErrorSiz
     left = X - B.T @ B
     H = left[:-1, :-1] + before.P
     g, q = left[:-1, -1] + before.g, float(left[-1, -1]) + before.q
-    unit = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    unit = np.sqrt(np.maximum(H.diagonal(), 1e-300))
     factor = _cholesky(H / unit / unit[:, None])
-    step = -cho_solve((factor, True), g / unit, check_finite=False) / unit
-    log_H = 2 * float(np.sum(np.log(np.diag(factor)) + np.log(unit)))
+    step = -dpotrs(factor, g / unit, lower=1)[0] / unit
+    log_H = 2 * float((np.log(factor.diagonal()) + np.log(unit)).sum())
     here = q + log_K
     return Value(-0.5 * (here + float(g @ step) + log_H) + sizes.log_prior, here, H, step)
 

@@ -6,6 +6,7 @@ linear in the number of points (Rybicki and Press, Phys. Rev. Lett. 74 (1995) 10
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -38,6 +39,7 @@ class PointErrors:
     """Largest correlation that the noise of neighbouring points can have."""
 
 
+@cache
 def under_colour(colour: float) -> float:
     """Return the factor, 0 to 1, by which differences underestimate noise of this correlation."""
     signs = np.array([(-1) ** k * comb(_ORDER, k) for k in range(_ORDER + 1)], dtype=np.float64)

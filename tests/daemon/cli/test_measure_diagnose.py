@@ -6,17 +6,23 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from command_line import run_here
+from rich.console import Console
 
 import pzctl
+from pzctl.daemon.cli.bench.deciding_sweep import Diagnoser
 from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.daemon.report.document.html_report import report_html
+from pzctl.daemon.report.json_output.experiment_json import plan_in
+from pzctl.daemon.report.tables import diagnosis_output
 from pzctl.daemon.samples.sample_record import sample_record
 from pzctl.daemon.samples.sample_selection import open_journal
 from pzctl.daemon.wire.events import DiagnosisEvent, SweepEvent
@@ -24,13 +30,11 @@ from pzctl.drivers.recordings import write_csv
 from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"
-RESOURCE = "--resource 127.0.0.1:5835"
-FEW = "diagnose --effects stray-capacitance,surface-layer --build"
-"""Of a recording that was diagnosed before, among the whole catalogue."""
+FEW = ["stray-capacitance", "surface-layer"]
 PZCTL = Path(sys.executable).with_name("pzctl")
 GUIDE = (Path(__file__).parents[3] / "docs" / "when-the-fit-is-wrong.md").read_text(encoding="utf-8")
 BUILD = re.search(r"<!-- file: S1.toml -->\n```toml\n(.*?)```", GUIDE, re.DOTALL)[1]  # type: ignore[index]
-BLOCKS = re.findall(rf"<!-- tested: \S+{Path(__file__).name} -->\n```bash\n(.*?)```", GUIDE, re.DOTALL)
+WIDE = BUILD.replace("start_MHz = 3, stop_MHz = 5, points = 51", "start_MHz = 1.5, stop_MHz = 7.5, points = 41")
 
 
 def measured(home: Path) -> "subprocess.CompletedProcess[str]":
@@ -61,25 +65,68 @@ def the_diagnosis(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
 
 
 def test_a_wider_sweep_decides_what_one_sweep_leaves_open(start_daemon, tmp_path: Path) -> None:
-    """As in the guide, command by command; only the simulator is that of the daemon."""
+    """The device of the guide, with two effects; tests/benchmarks/test_deciding_sweeps.py runs the guide's commands."""
     start_daemon(names=("mason",), simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
     (tmp_path / "S1.toml").write_text(BUILD)
-    sim, *commands = re.findall("^pzctl (.*)$", "".join(BLOCKS), re.MULTILINE)
-    assert sim.endswith("--jig ideal --hidden stray-capacitance=5e-12 &")
-    (measure,) = (command for command in commands if command.startswith("measure"))
-    outputs = {
-        command: run(tmp_path, *command.replace(RESOURCE, "--json").replace("diagnose --build", FEW).split())
-        for command in commands
-    }
-    assert {"S1.html", "S1-disk-1.csv", "S1-diagnosis.png"} <= {path.name for path in tmp_path.iterdir()}
-    found = the_diagnosis(outputs[measure])
-    (finding,) = found["findings"]
-    assert (found["verdict"], finding["effect"]) == ("explained", "stray-capacitance")
-    (sweep,) = found["decided_by"]
-    assert "wider" in sweep["kind"], "none is made for the same effects again"
+    build = read_build(tmp_path / "S1.toml")
+    with pzctl.connect() as lab:
+        own = lab.measure(build, "disk").id
+        undecided = lab.diagnose(own, FEW, propose=True)
+        assert (undecided["verdict"], undecided["findings"]) == ("no-mismatch", [])
+        (proposal,) = undecided["would_measure"]
+        assert "wider" in proposal["kind"]
+        aside = lab.measure(replace(build, plan=plan_in(proposal)), "disk", decides=own).id
+        decided = lab.diagnose(own, FEW, also=[aside])
+    (finding,) = decided["findings"]
+    assert (decided["verdict"], finding["effect"]) == ("explained", "stray-capacitance")
     assert not [one for one in finding["alternatives"] if one["probability"] > 0.01]
     size = finding["parameters"]["capacitance"]
     assert abs(size["value"] - 5e-12) < max(5 * size["u"], 0.03 * 5e-12)
+
+
+class AskedLab:
+    """Proposes a sweep for each of these effects in one diagnosis after the other, as long as it is to propose."""
+
+    def __init__(self, *proposed: tuple[str, ...]) -> None:
+        self._proposed = list(proposed)
+        self.diagnosed: list[tuple[list[str], bool]] = []
+
+    def diagnose(self, _measurement: str, also: list[str], propose: bool) -> dict[str, Any]:
+        self.diagnosed.append((list(also), propose))
+        effects = self._proposed.pop(0) if propose and self._proposed else ()
+        plan = {"segments": [{"start_Hz": 1e6, "stop_Hz": 2e6, "points": 11}]}
+        rest = {"what": "a sweep", "why": "to decide", "seconds": 1.0, "plan": plan}
+        return {"findings": [], "would_measure": [{"decides": [{"effect": one}], **rest} for one in effects]}
+
+
+@pytest.mark.parametrize(
+    ("proposed", "sweeps", "diagnosed"),
+    [
+        ([("leakage",), ("leakage",)], ["a0"], [([], True), (["a0"], True)]),
+        ([("leakage",), ("leakage", "cable")], ["a0", "a1"], [([], True), (["a0"], True), (["a0", "a1"], False)]),
+        ([()], [], [([], True)]),
+    ],
+)
+def test_with_consent_each_effect_gets_one_sweep_and_all_sweeps_are_diagnosed_together(
+    proposed: list[tuple[str, ...]],
+    sweeps: list[str],
+    diagnosed: list[tuple[list[str], bool]],
+    build: Build,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(diagnosis_output, "print_diagnosis", lambda _console, _diagnosis: None)
+    monkeypatch.setattr(Diagnoser, "_picture", lambda _self, _step, _measurement: "")
+    lab, plans = AskedLab(*proposed), list[tuple[str, str]]()
+
+    def sweep(_plan: object, step: str, decides: str) -> SimpleNamespace:
+        plans.append((step, decides))
+        return SimpleNamespace(id=f"a{len(plans) - 1}", sweeps=[])
+
+    diagnoser = Diagnoser(lab, build, Console(quiet=True), sweep, yes=True)  # type: ignore[arg-type]
+    found = diagnoser.step("disk", "m")
+    assert [one["id"] for one in found["decided_by"]] == diagnoser.aside == sweeps
+    assert plans == [("disk", "m")] * len(sweeps)
+    assert lab.diagnosed == diagnosed
 
 
 def test_a_proposed_sweep_is_not_measured_without_consent(start_daemon, tmp_path: Path) -> None:
@@ -117,16 +164,16 @@ def test_a_deciding_measurement_is_kept_and_is_no_record_of_its_step(start_daemo
 def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
     start_daemon, tmp_path: Path, wait_until: Callable[[Callable[[], object]], None]
 ) -> None:
-    start_daemon(names=("mason",), simulator={"hidden": {"drive-nonlinearity": 200.0}, "jig": "ideal"})
-    (tmp_path / "S1.toml").write_text(BUILD)
+    start_daemon(names=("mason",), simulator={"hidden": {"lead-inductance": 1e-8}, "jig": "ideal"})
+    (tmp_path / "S1.toml").write_text(WIDE)
     build = read_build(tmp_path / "S1.toml")
     with pzctl.connect() as lab:
         one = lab.measure(build, "disk").id
         assert lab.wait_fit("mason", one).chi2_per_dof > 1.4
-        assert [finding["effect"] for finding in lab.wait_diagnosis(one)["findings"]] == ["drive-nonlinearity"]
+        assert [finding["effect"] for finding in lab.wait_diagnosis(one)["findings"]] == ["lead-inductance"]
         (event,) = (heard.event for heard in lab.fits(one) if isinstance(heard.event, DiagnosisEvent))
         assert event.topic == b"diagnosis.S1.disk."
-        lab.bench({"command": "hidden", "drive-nonlinearity": 0.0})
+        lab.bench({"command": "hidden", "lead-inductance": 0.0})
         sound = lab.measure(build, "disk").id
         lab.wait_fit("mason", sound)
         wait_until(lambda: lab.metrics().errands == 0)
@@ -134,8 +181,8 @@ def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
     archive = open_journal()
     page = report_html(sample_record(archive, one))
     archive.close()
-    assert "marked: layer:disk" in page, "the picture is there, with its place marked"
-    assert "bends with the oscillator level" in page
+    assert "marked: terminals" in page, "the picture is there, with its place marked"
+    assert "adds a series inductance that was not compensated" in page
 
 
 def test_the_constants_are_shown_also_where_model_and_recording_agree(tmp_path: Path) -> None:

@@ -5,11 +5,10 @@ import numpy as np
 import pzctl
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
 from pzctl.daemon.report.analysis import DiagnosisAnalysis
-from pzctl.models.base.arrays import Frequencies
 from pzctl.models.base.model import Model
 from pzctl.models.effects import Device, lead_inductance, thickness_variation
 
-F = np.linspace(2e6, 6e6, 201)
+F = np.linspace(2e6, 6e6, 101)
 
 
 def diagnosed(
@@ -18,21 +17,20 @@ def diagnosed(
     effects: list[str],
     step: str = "disk",
     scatter: float = 1e-6,
-    f: Frequencies = F,
 ) -> DiagnosisAnalysis:
     """Return the diagnosis of a recording by an analyzer that errs by its accuracy, with noise."""
-    noise = np.random.default_rng(1).normal(scale=scatter, size=(2, f.size))
-    gain = accuracy * np.log(f / 3.5e6)
-    Z = device.impedance(f) * np.exp(gain + noise[0] + 1j * noise[1])
-    sweep = pzctl.Sweep(f, Z, settings={"accuracy": accuracy})
+    noise = np.random.default_rng(1).normal(scale=scatter, size=(2, F.size))
+    gain = accuracy * np.log(F / 3.5e6)
+    Z = device.impedance(F) * np.exp(gain + noise[0] + 1j * noise[1])
+    sweep = pzctl.Sweep(F, Z, settings={"accuracy": accuracy})
     return pzctl.diagnose(THESIS_BUILD, {step: sweep}, effects=effects)
 
 
-def with_lead(inductance: float, accuracy: float, f: Frequencies = F) -> DiagnosisAnalysis:
+def with_lead(inductance: float, accuracy: float) -> DiagnosisAnalysis:
     """Return the diagnosis of a disk with a lead (H)."""
     lead = lead_inductance.EFFECT
     device = Device(pzctl.model(THESIS_BUILD, "disk")).with_effect(lead, "terminals", {"inductance": inductance})
-    return diagnosed(device, accuracy, ["lead-inductance", "series-resistance"], f=f)
+    return diagnosed(device, accuracy, ["lead-inductance", "series-resistance"])
 
 
 def uneven(step: str, variance: float, scatter: float = 1e-6) -> DiagnosisAnalysis:
@@ -43,7 +41,7 @@ def uneven(step: str, variance: float, scatter: float = 1e-6) -> DiagnosisAnalys
 
 
 def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
-    diagnosis = uneven("ml1", 5e-7, scatter=1e-5)
+    diagnosis = uneven("ml1", 5e-7, scatter=5e-6)
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
     assert [one.effect for one in diagnosis.result.remarks] == ["thickness-variation"]
     said = " ".join(str(diagnosis).split())
@@ -59,13 +57,10 @@ def test_faces_of_a_disk_as_parallel_as_those_of_any_are_not_even_a_remark() -> 
 
 
 def test_a_lead_as_short_as_the_usual_residual_of_a_fixture_is_no_finding() -> None:
+    """Two explanations are the best in turn here, and yet the search ends."""
     diagnosis = with_lead(1e-9, 1e-5)
     assert (diagnosis.verdict, diagnosis.findings, diagnosis.result.remarks) == ("no-mismatch", (), ())
     assert "differ" not in str(diagnosis)
-
-
-def test_a_search_ends_although_two_explanations_are_the_best_in_turn() -> None:
-    assert with_lead(1e-9, 1e-5, np.linspace(2e6, 6e6, 101)).verdict == "no-mismatch"
 
 
 def test_errors_that_a_verdict_relies_on_are_told_and_drawn() -> None:

@@ -37,12 +37,15 @@ def bench(leads: Sequence[float], seed: int) -> Mapping[str, FitTask]:
     return tasks
 
 
-def shared(tasks: Mapping[str, FitTask]) -> SharedBench:
-    """The shared effects of these samples, computed in this process."""
-    ends, knobs = ends_of(list(tasks.values())), bench_effects(STACK, EFFECTS)
+def shared(tasks: Mapping[str, FitTask], made: dict[tuple[str, str], SampleEquations] | None = None) -> SharedBench:
+    """The shared effects of these samples, computed in this process; `made`: equations of these and of others."""
+    ends, knobs, made = ends_of(list(tasks.values())), bench_effects(STACK, EFFECTS), {} if made is None else made
 
     def survey(known: tuple[BenchEffect, ...]) -> list[SampleEquations]:
-        return [sample_equations(name, task, ends, knobs, known) for name, task in tasks.items()]
+        for name, task in tasks.items():
+            if (name, repr(known)) not in made:
+                made[name, repr(known)] = sample_equations(name, task, ends, knobs, known)
+        return [made[name, repr(known)] for name in tasks]
 
     return shared_bench(survey, knobs, ends, dict.fromkeys(EFFECTS, 1.0))
 
@@ -65,7 +68,8 @@ def test_different_leads_are_not_shared() -> None:
 
 
 def test_many_samples_determine_the_fixtures_residual_better() -> None:
-    few, many = shared(bench([2e-9] * 2, 5)), shared(bench([2e-9] * 4, 5))
+    tasks, made = bench([2e-9] * 4, 5), dict[tuple[str, str], SampleEquations]()
+    few, many = shared({name: tasks[name] for name in ("S1", "S2")}, made), shared(tasks, made)
     assert many.fixture["inductance"].value == pytest.approx(2e-9, abs=3 * many.fixture["inductance"].u)
     assert many.fixture["inductance"].u < few.fixture["inductance"].u
     assert many.fixture["inductance"].probability > 0.9
