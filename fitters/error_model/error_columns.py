@@ -267,7 +267,7 @@ def columns_of(
     centres = _constants(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH), means or {})
     _uneven(add, places)
     _formula(add, places, grid(scales.LENGTH, scales.FEW_SMOOTH))
-    _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE), in_time)
+    centres |= _shapes(add, places, grid(scales.SHAPE_LENGTH, scales.FEW_SHAPE), means or {}, in_time)
     for one in held:
         of = _at(places, one.columns)
         everywhere = tuple(np.full(place.Z.size, complex(one.relative)) for place in places)
@@ -432,16 +432,35 @@ def _mean(functions: Sequence[Reals], weights: Sequence[Complexes]) -> Reals:
 
 
 def _shapes(
-    add: _Add, places: Sequence[LinearisedRecording], functions: Sequence[Reals], in_time: Collection[str]
-) -> None:
-    """Add smooth errors of the effects' own formulas; a course in time has real ones."""
-    of, over_time = _at(places, functions), _at(places, _over_time(places)) if in_time else {}
+    add: _Add,
+    places: Sequence[LinearisedRecording],
+    functions: Sequence[Reals],
+    known: Mapping[str, Reals],
+    in_time: Collection[str],
+) -> dict[str, Reals]:
+    """Add smooth errors of the effects' own formulas; a course in time has real ones.
+
+    Real ones have mean zero, weighted by sensitivity: an error of the whole formula by one factor is another size of
+    the effect. Return the means of the functions, those that are `known` as they are.
+    """
+    means: dict[str, Reals] = {}
+    over_time = _over_time(places) if in_time else functions
     for name in dict.fromkeys(name for place in places for name in place.shapes):
-        own = {id(p): scales.SHAPE * p.shapes.get(name, np.zeros(p.Z.size, np.complex128)) for p in places}
-        smooth_in, units = (over_time, (1.0,)) if name in in_time else (of, (1.0, 1j))
-        for k in range(smooth_in[id(places[0])].shape[1]):
+        slopes = [p.shapes.get(name, np.zeros(p.Z.size, np.complex128)) for p in places]
+        smooth_in, units = (over_time, (1.0,)) if name in in_time else (functions, (1.0, 1j))
+        means[name] = known[name] if name in known else _mean(smooth_in, slopes)
+        own, by = _at(places, [scales.SHAPE * slope for slope in slopes]), _at(places, smooth_in)
+        for k in range(smooth_in[0].shape[1]):
             for unit in units:
-                add("shape", 0.0, lambda p, k=k, unit=unit, own=own, by=smooth_in: unit * own[id(p)] * by[id(p)][:, k])
+                centre = float(means[name][k]) if unit == 1.0 else 0.0
+                add(
+                    "shape",
+                    0.0,
+                    lambda p, k=k, unit=unit, own=own, by=by, centre=centre: (
+                        unit * own[id(p)] * (by[id(p)][:, k] - centre)
+                    ),
+                )
+    return means
 
 
 def _over_time(places: Sequence[LinearisedRecording]) -> list[Reals]:
