@@ -43,6 +43,8 @@ _MENTION = 0.9
 _WIDE, _GROSS, _PROMINENT = 40.0, 0.02, 0.01
 # Diameter/thickness above which a disk is a plate; RMS log error that radial overtones leave; part of the largest
 # conductance by which a maximum counts.
+_ONE_IN_TWENTY = 0.05
+# How rare the errors of an instrument are, relative to the most frequent ones, that count as unusual.
 _MISFIT = 1.5
 # chi2 per degree of freedom above which a misfit is reported: the noise estimate has a few per cent of uncertainty,
 # and 1600 residuals scatter by 3.5 %.
@@ -136,7 +138,8 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     whole = covariance if told is None else told.with_held
     derived = derived_constants(layers, values, coordinates.parameters, whole)
     curves = curves_of(objective, coordinates.inverse(solution.begun), result.x)
-    left = None if told is None else unexplained(told.found)
+    usual = told is not None and told.found.log_usual > np.log(_ONE_IN_TWENTY)
+    left = unexplained(told.found) if told is not None and usual else None
     says = verdict(result, solution.build, curves, noise.relative, left)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
     says += separability(layers, values, coordinates.parameters, covariance, derived, highest)
@@ -200,7 +203,7 @@ def verdict(
 ) -> tuple[str, ...]:
     """Return what a person must know before using the numbers.
 
-    `left`: rms of ln Z that neither constants nor errors of the instrument explain, if the fit had errors.
+    `left`: rms of ln Z that neither constants nor errors of the instrument explain, if the fit has usual errors.
     """
     says: list[str] = []
     if result.chi2_per_dof > _MISFIT and left is not None and left < LEFT_AT_MOST:

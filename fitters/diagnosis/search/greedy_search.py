@@ -249,7 +249,8 @@ class GreedySearch(FittedHypotheses):
         """
         self._grown.add(parent.key)
         lists = self._screened(parent)
-        chosen = self._chosen(lists, parent, most, choosy=True)
+        # What brings constants back that are astray gains prior probability, which counts in full: however little.
+        chosen = self._chosen(lists, parent, most, choosy=not parent.astray)
         if like is not None:
             chosen = {**self._chosen(lists, parent, most, choosy=False), **chosen}
         tried = {**{one.candidate: [one] for one in self._as_noise(lists[0], parent)}, **chosen}
@@ -257,7 +258,7 @@ class GreedySearch(FittedHypotheses):
         self.progress(f"trying {len(tried)} effects beside {names}")
         self.fit([self._near(like or parent, promise, parent) for p in tried.values() for promise in _apart(p)])
         # What promises much where the misfit counts as noise may need constants that are not near these.
-        far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
+        far = {promise.candidate for promise in lists[0] if parent.astray or promise.gain > SOFT}
         chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
         self.fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
 
@@ -295,8 +296,9 @@ class GreedySearch(FittedHypotheses):
     ) -> dict[Candidate, list[ScreenedCandidate]]:
         """Return the first candidates of all lists in turn; `choosy`: those that would count beside what is missing."""
         chosen: dict[Candidate, list[ScreenedCandidate]] = {}
-        # a residual that usual errors explain is no noise
-        least_gains = (SOFT if parent.fit.shortfall > 0 else np.inf, WORTH, WORTH, WORTH)
+        # a residual that usual errors explain is no noise, unless they do so only from constants that are astray
+        as_noise = parent.fit.shortfall > 0 or parent.astray
+        least_gains = (SOFT if as_noise else np.inf, WORTH, WORTH, WORTH)
         for rank in range(max(map(len, lists))):
             for promises, least in zip(lists, least_gains, strict=True):
                 if rank >= len(promises) or promises[rank].gain < least or len(chosen) >= most:
