@@ -205,8 +205,12 @@ class Objective:
         return [priors, losses, *(root @ (y - mean) for root, mean in self._told)]
 
     def prior_deviations(self, values: Mapping[str, float]) -> Reals:
-        """Return how far the parameters are from their priors, in standard uncertainties, shape (K,)."""
+        """Return how far the parameters are from their priors in a fit, in standard uncertainties, shape (K,)."""
         return (np.array([prior.predicted(values) for prior in self.priors]) - self._mean) / self._u
+
+    def improbability(self, values: Mapping[str, float]) -> Reals:
+        """Return how improbably far the parameters are from their priors, in standard uncertainties, shape (K,)."""
+        return np.array([prior.deviation(values) for prior in self.priors], np.float64)
 
     def cost(self, x: Reals) -> float:
         """Return half the sum of squares at x without derivatives; infinite where the model does not exist."""

@@ -52,7 +52,7 @@ def handles_of(
     free: Iterable[str],
 ) -> tuple[Adjustable, ...]:
     """Return an adjustable for each coordinate in `names`; `values` are the model parameters of the fit."""
-    known = {prior.parameter.removesuffix(".re"): prior.spread for prior in priors}
+    known = {prior.parameter.removesuffix(".re"): prior.u for prior in priors}
     effect_parameters = {
         name: knob
         for candidate in effects

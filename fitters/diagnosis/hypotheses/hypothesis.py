@@ -6,7 +6,7 @@ from functools import cached_property
 from heapq import nlargest
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import ndtri
 
 from ....models.base.arrays import Complexes, Reals
 from ....models.effects.base.corrected_constants import Corrections
@@ -117,9 +117,12 @@ class Hypothesis:
 
     @property
     def astray(self) -> bool:
-        """Whether its dimensions and constants are further from the build than those of one build in twenty."""
-        away = self.objective.prior_deviations(self.values)
-        return away.size > 0 and float(away @ away) > float(chdtri(away.size, ASTRAY))
+        """Whether a dimension or constant is further from the build than any in nineteen builds of twenty.
+
+        What is missing is imitated by one or two of them; in the sum over many they would not stand out.
+        """
+        away = np.abs(self.objective.improbability(self.values))
+        return away.size > 0 and float(np.max(away)) > float(ndtri(1 - ASTRAY / 2 / away.size))
 
     @property
     def coarseness(self) -> float:
@@ -238,7 +241,9 @@ def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
 def _weighed(problem: Problem, effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     priors = SizePriors(effects, found.marginal.objective.coordinates.free)
     odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
-    tails = priors.log_tails(found.x) + log_tails_of(found.marginal.objective.prior_deviations(found.values))
+    objective, values = found.marginal.objective, found.values
+    tails = priors.log_tails(found.x)
+    tails += log_tails_of(objective.improbability(values), objective.prior_deviations(values))
     losses = own_losses(problem.losses, effects)
     return Hypothesis(tuple(effects), found, tails + log_losses(losses, found), priors.log_volume(), odds, losses)
 

@@ -116,12 +116,13 @@ class SizePriors:
         return np.where(z[optional] > 0, 0.0, np.exp(below / spread) * np.sqrt(1 + below * spread))
 
 
-def log_tails_of(z: Reals) -> float:
-    """Return ln of the prior density of values z standard uncertainties from what a build says, over a normal one.
+def log_tails_of(z: Reals, in_fit: Reals) -> float:
+    """Return ln of the prior density of values z standard uncertainties from what a build says, over that of a fit.
 
-    A dimension of a build may be wrong by more than its uncertainty says.
+    A dimension of a build may be wrong by more than its uncertainty says. `in_fit`: standard uncertainties of the
+    normal density that a fit uses.
     """
-    return _over_normal(_mixed(z, GROSS, WRONG), z)
+    return _over_normal(_mixed(z, GROSS, WRONG), in_fit)
 
 
 def _over_normal(density: Reals, z: Reals) -> float:

@@ -10,7 +10,7 @@ from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from ....models.stack import Bolt, Elastic, HalfSpace, Piezo, Stack
 from ....models.sweep import Sweep
 from ...interface import TaskError
-from ..recording import LogNormal, Prior, Recording, Weighing
+from ..recording import Prior, QualityFactor, Recording, Weighing
 from .constraints import bounded, shared
 from .coordinates import LEAST_Q, Block, Coordinates, hardly_negative, positive, quality, thickness_constants, to_h33
 from .known_effects import KnownEffect, known_effects, with_effects
@@ -322,7 +322,7 @@ def priors_of(build: Build, steps: Iterable[str]) -> tuple[Prior, ...]:
     for full, quantity in known.items():
         piezo = full.split(".")[-1] in PIEZO_CONSTANTS
         if quantity.u > 0:
-            made = LogNormal.of if full.endswith(".q") else Prior
+            made = QualityFactor if full.endswith(".q") else Prior
             priors.append(made(f"{full}.re" if piezo else full, quantity.re, quantity.u))
         if quantity.u_im > 0 and piezo and quantity.source == "build.toml":
             priors.append(Prior(f"{full}.im", quantity.im, quantity.u_im))

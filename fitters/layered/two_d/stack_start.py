@@ -89,7 +89,7 @@ def drawn_layers(
         if prior.parameter.partition(".")[0] in layers and prior.parameter in row:
             slope = chain[row[prior.parameter]]
             at = int(np.argmax(np.abs(slope)))
-            width[at] = min(prior.spread / abs(float(slope[at])), _WIDEST)
+            width[at] = min(prior.u / abs(float(slope[at])), _WIDEST)
     return [centres[k % len(centres)] + width * rng.normal(size=width.size) for k in range(count)]
 
 

@@ -38,7 +38,7 @@ from pzctl.fitters.diagnosis.hypotheses.size_priors import (
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.screening import ScreenedCandidate
 from pzctl.fitters.engine.multi_step_fit import solve
-from pzctl.fitters.engine.recording import Prior
+from pzctl.fitters.engine.recording import Prior, QualityFactor
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.error_model.prior_scales import LEFT
 from pzctl.fitters.interface import FitTask
@@ -55,11 +55,11 @@ EITHER_SIGN = EffectParameter("gain", "1", typical=1e-3, lower=-0.5, upper=0.5)
 
 def test_a_wrong_dimension_costs_nats_but_explains_no_amount_of_evidence() -> None:
     z = np.linspace(0, 12, 25)
-    cost = z**2 / 2 - [log_tails_of(np.array([one])) for one in z]
+    cost = z**2 / 2 - [log_tails_of(np.array([one]), np.array([one])) for one in z]
     assert cost[:4] == pytest.approx(z[:4] ** 2 / 2, abs=0.15), "what is usual is as usual as it was"
     assert np.all(np.diff(cost) > 0)
     assert cost[-1] == pytest.approx(-np.log(0.01 / 10) + (12 / 10) ** 2 / 2, rel=0.01)
-    assert log_tails_of(z) == pytest.approx(sum(log_tails_of(np.array([one])) for one in z))
+    assert log_tails_of(z, z) == pytest.approx(sum(log_tails_of(np.array([one]), np.array([one])) for one in z))
 
 
 def test_an_effect_is_tried_at_all_its_places(lead_case) -> None:
@@ -431,6 +431,15 @@ def test_one_of_several_sizes_may_be_absent_but_not_all(lead_case) -> None:
     assert log_density(0.0, -6.0) == pytest.approx(log_density(-6.0, 0.0))
     assert log_density(0.0, -6.0) > log_density(0.0, 0.0) - np.log(10)
     assert log_density(-6.0, -6.0) < log_density(0.0, -6.0) - 3
+
+
+def test_a_quality_factor_is_as_improbable_by_a_factor_below_as_above_what_the_build_states() -> None:
+    """40(25) may be 20 or 80, but never 1, which a normal prior would allow within 1.6 of its u."""
+    prior = QualityFactor("ml1.q", 40.0, 25.0)
+    below, above, gone = (prior.deviation({"ml1.q": q}) for q in (20.0, 80.0, 1.0))
+    assert below == pytest.approx(-above) == pytest.approx(-1.2, abs=0.02)
+    assert gone < -6
+    assert QualityFactor("ml1.q", 40.0, 0.4).deviation({"ml1.q": 40.4}) == pytest.approx(1, rel=0.01)
 
 
 def test_constants_far_from_what_the_build_states_are_astray_and_can_begin_there_again(two_steps, cases) -> None:
