@@ -6,7 +6,7 @@ from functools import cached_property
 from heapq import nlargest
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import chdtri
 
 from ....models.base.arrays import Complexes, Reals
 from ....models.effects.base.corrected_constants import Corrections
@@ -117,12 +117,9 @@ class Hypothesis:
 
     @property
     def astray(self) -> bool:
-        """Whether a dimension or constant is further from the build than any in nineteen builds of twenty.
-
-        What is missing is imitated by one or two of them; in the sum over many they would not stand out.
-        """
-        away = np.abs(self.objective.improbability(self.values))
-        return away.size > 0 and float(np.max(away)) > float(ndtri(1 - ASTRAY / 2 / away.size))
+        """Whether its dimensions and constants are further from the build than those of one build in twenty."""
+        away = self.objective.improbability(self.values)
+        return away.size > 0 and float(away @ away) > float(chdtri(away.size, ASTRAY))
 
     @property
     def coarseness(self) -> float:
