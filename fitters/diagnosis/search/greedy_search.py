@@ -258,9 +258,11 @@ class GreedySearch(FittedHypotheses):
         self.progress(f"trying {len(tried)} effects beside {names}")
         self.fit([self._near(like or parent, promise, parent) for p in tried.values() for promise in _apart(p)])
         # What promises much where the misfit counts as noise may need constants that are not near these.
-        far = {promise.candidate for promise in lists[0] if parent.astray or promise.gain > SOFT}
-        chosen = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
-        self.fit([plan for one, promises in chosen.items() for plan in self._plans(parent, one, promises, like)])
+        far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
+        lost = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
+        astray = [promises[0] for one, promises in chosen.items() if parent.astray and self._still_astray(parent, one)]
+        self.fit([self._from_the_build(parent, promise) for promise in astray])
+        self.fit([plan for one, promises in lost.items() for plan in self._plans(parent, one, promises, like)])
 
     def _as_noise(self, promises: Sequence[ScreenedCandidate], parent: Hypothesis) -> Sequence[ScreenedCandidate]:
         """Return what promises most where all misfit is noise, if the best hypothesis is astray; else nothing."""
@@ -279,6 +281,16 @@ class GreedySearch(FittedHypotheses):
         """Return whether one more effect has not improved a hypothesis."""
         made = self.found.get(frozenset((*parent.effects, one)))
         return made is None or made.log_weight < parent.log_weight
+
+    def _still_astray(self, parent: Hypothesis, one: Candidate) -> bool:
+        """Return whether the constants are astray with one more effect, too."""
+        made = self.found.get(frozenset((*parent.effects, one)))
+        return made is None or made.astray
+
+    def _from_the_build(self, parent: Hypothesis, promise: ScreenedCandidate) -> Plan:
+        """Return the start of a fit from the build's values: the way there from the parent's may lead over a hill."""
+        values = {**self.problem.model.as_stated(parent.values), **promise.start}
+        return Plan((*parent.effects, promise.candidate), values, (parent.fit.sizes,), near=True, rounds=5)
 
     def _near(self, near: Hypothesis, promise: ScreenedCandidate, parent: Hypothesis) -> Plan:
         """Return the start of a fit with one more effect from the minimum without it, or from another one near it."""
