@@ -34,6 +34,7 @@ from pzctl.fitters.diagnosis.inference.finite_diameter import FiniteDisk, beside
 from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.score_test import scores
+from pzctl.fitters.error_model.prior_scales import INSTRUMENT
 from pzctl.fitters.interface import Constant
 
 
@@ -109,7 +110,7 @@ def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(l
     assert np.linalg.norm(left) < np.linalg.norm(change)
     power, largest = powers_of(problem, best)[lead], largest_of(problem, best, lead)
     assert np.sqrt(power.sum()) == pytest.approx(np.linalg.norm(left))
-    assert largest == pytest.approx(np.max(np.abs(left)))
+    assert largest == pytest.approx(np.max(np.abs(left)) / INSTRUMENT), "in units of the accuracy"
 
 
 def test_constants_are_correct_only_with_the_effect(lead_case) -> None:
