@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from .base.arrays import Frequencies, Impedances, Reals
 from .base.errors import PzctlError
 
-PER_POINT = ("noise_relative", "accuracy_relative")
-"""Settings with one number for each point: the analyzer's expected noise and its specified accuracy, relative to Z."""
+PER_POINT = ("noise_relative", "accuracy_relative", "gain_accuracy_relative")
+"""Settings with one number for each point, relative to Z: the analyzer's expected noise, its specified accuracy, and
+that of gain and phase alone, without residues in series and in parallel."""
 
 
 class SweepError(PzctlError):

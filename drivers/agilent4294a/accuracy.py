@@ -50,6 +50,11 @@ def relative_accuracy(frequency: Frequencies, impedance: Impedances, bandwidth: 
     `frequency` Hz and `impedance` ohm, shape (N,). Holds for 10 milliohm to 100 megohm.
     """
     offset = _offset_share(frequency, np.abs(impedance), bandwidth, oscillator_V)
+    return gain_accuracy(frequency, bandwidth, oscillator_V) + offset
+
+
+def gain_accuracy(frequency: Frequencies, bandwidth: int, oscillator_V: float) -> Reals:
+    """Return the part of `relative_accuracy` that is an error of gain and phase, whatever the impedance; shape (N,)."""
     band = np.searchsorted(_BANDS_HZ, frequency)
     MHz = frequency / 1e6
     proportional = np.where(band == 4, 0.1 * MHz, _EP_PERCENT[band])
@@ -60,7 +65,7 @@ def relative_accuracy(frequency: Frequencies, impedance: Impedances, bandwidth: 
         level_percent = (0.03 + width) * (0.064 / oscillator_V - 1)
     else:
         level_percent = level.percent + level.percent_per_MHz * MHz
-    return (proportional + width + level_percent) / 100 + offset
+    return np.asarray((proportional + width + level_percent) / 100, np.float64)
 
 
 def relative_noise(

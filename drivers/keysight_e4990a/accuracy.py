@@ -28,8 +28,13 @@ NOISE = {1: 2e-4, 2: 1.3e-4, 3: 9e-5, 4: 6e-5, 5: 4e-5}
 
 def relative_accuracy(frequency: Frequencies, impedance: Impedances, speed: int, oscillator_V: float) -> Reals:
     """Return the error of |Z| relative to |Z|, and of the phase in rad; shape (N,)."""
+    return gain_accuracy(frequency, speed) + _offset(frequency, impedance, oscillator_V)
+
+
+def gain_accuracy(frequency: Frequencies, speed: int) -> Reals:
+    """Return the part of `relative_accuracy` that is an error of gain and phase, whatever the impedance; shape (N,)."""
     proportional = np.minimum(BASIC + PER_HERTZ * np.maximum(frequency - 1e6, 0.0), MOST_PROPORTIONAL)
-    return proportional + SPEED_ERROR[speed] + _offset(frequency, impedance, oscillator_V)
+    return np.asarray(proportional + SPEED_ERROR[speed], np.float64)
 
 
 def relative_noise(

@@ -15,7 +15,7 @@ from ..base.compensation import Compensation, Standard
 from ..visa import replies
 from ..visa.connection import Connection, ConnectionLost
 from . import compensation, settings
-from .accuracy import relative_accuracy, relative_noise
+from .accuracy import gain_accuracy, relative_accuracy, relative_noise
 from .capabilities import CAPABILITIES
 from .driver import IDN
 from .sweeps import SweepReadout, points, set_up, sweep
@@ -285,6 +285,9 @@ def _record(
         "estimated_seconds": round(expected, 3),
         "noise_relative": [float(f"{v:.3g}") for v in noise],
         "accuracy_relative": [float(f"{v:.3g}") for v in relative_accuracy(f, nonzero, speed, level)],
+        "gain_accuracy_relative": [
+            float(f"{v:.5g}") for v in gain_accuracy(f, speed)
+        ],  # steps of three digits would be seen
     }
     notes: tuple[str, ...] = ()
     if len(segments) > 1:

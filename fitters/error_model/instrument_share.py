@@ -14,10 +14,12 @@ from .smooth_basis import ends_of, smooth
 def accuracy_of(sweep: Sweep) -> Reals:
     """Return the accuracy of ln |Z| and of the phase in rad, shape (N,).
 
-    That of the sweep's settings: `accuracy`, else `accuracy_relative` at each point, else a 4294A's up to 1 MHz.
+    That of the sweep's settings: `accuracy`, else of gain and phase at each point (what else is specified for small
+    and for large |Z| are residues in series and in parallel, as a fixture has them), else a 4294A's up to 1 MHz.
     """
     stated = sweep.settings.get("accuracy")
-    noted = sweep.per_point("accuracy_relative")
+    of_gain, whole = (sweep.per_point(name) for name in ("gain_accuracy_relative", "accuracy_relative"))
+    noted = whole if of_gain is None else of_gain
     if stated or noted is None:
         return np.full(sweep.frequency.size, float(stated or scales.INSTRUMENT))
     return noted

@@ -9,7 +9,7 @@ from ....models.base.arrays import Impedances, Reals
 from ....models.sweep import Sweep
 from ....models.sweep_plan import Segment, SweepPlan
 from ...base.analyzer import Identity
-from ..accuracy import relative_accuracy, relative_noise
+from ..accuracy import gain_accuracy, relative_accuracy, relative_noise
 from ..capabilities import CAPABILITIES, HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
 from ..protocol.settings import CONDITIONS, Value
 from ..sweep_time import estimated
@@ -46,6 +46,7 @@ def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity
         "estimated_seconds": round(_estimated(f, bandwidth, got, plan), 3),
         "noise_relative": _short(relative_noise(f, nonzero, bandwidth, level, averages)),
         "accuracy_relative": _short(relative_accuracy(f, nonzero, bandwidth, level)),
+        "gain_accuracy_relative": _short(gain_accuracy(f, bandwidth, level), 5),  # steps of three digits would be seen
     }
     if len(raws) > 1:
         settings |= _of_parts(raws, whole.noise, whole.drift)
@@ -120,6 +121,6 @@ def _notes(parts: int, impedance: Impedances) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _short(values: Reals) -> list[float]:
-    """Return the values to three digits, as suits an estimate in a message."""
-    return [float(f"{value:.3g}") for value in values]
+def _short(values: Reals, digits: int = 3) -> list[float]:
+    """Return the values to a few digits, as suits an estimate in a message."""
+    return [float(f"{value:.{digits}g}") for value in values]
