@@ -138,9 +138,7 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     whole = covariance if told is None else told.with_held
     derived = derived_constants(layers, values, coordinates.parameters, whole)
     curves = curves_of(objective, coordinates.inverse(solution.begun), result.x)
-    usual = told is not None and told.found.log_usual > np.log(_ONE_IN_TWENTY)
-    left = unexplained(told.found) if told is not None and usual else None
-    says = verdict(result, solution.build, curves, noise.relative, left)
+    says = verdict(result, solution.build, curves, noise.relative, told)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
     says += separability(layers, values, coordinates.parameters, covariance, derived, highest)
     if options.procedure == "frozen" and len(solution.noises) > 1:
@@ -199,19 +197,18 @@ def _aspect(build: Build) -> float | None:
 
 
 def verdict(
-    result: Estimate, build: Build, curves: Sequence[Curve], noise: float, left: float | None
+    result: Estimate, build: Build, curves: Sequence[Curve], noise: float, told: MarginalEstimate | None
 ) -> tuple[str, ...]:
-    """Return what a person must know before using the numbers.
-
-    `left`: rms of ln Z that neither constants nor errors of the instrument explain, if the fit has usual errors.
-    """
+    """Return what a person must know before using the numbers; `told`: the fit with errors, if there is one."""
     says: list[str] = []
-    if result.chi2_per_dof > _MISFIT and left is not None and left < LEFT_AT_MOST:
+    misfit = result.chi2_per_dof > _MISFIT
+    left = _left_beside_usual_errors(told) if misfit and told is not None else np.inf
+    if left < LEFT_AT_MOST:
         says.append(
             f"Beside errors that the instrument may have, the fit leaves {100 * left:.1g} % of Z, where the noise is "
             f"{100 * noise:.1g} %: no more than the imperfections of a good device. The uncertainties include it."
         )
-    elif result.chi2_per_dof > _MISFIT:
+    elif misfit:
         errors = {step: _rms_of_step(curves, step) for step in dict.fromkeys(curve.step for curve in curves)}
         worst = max(errors, key=lambda step: errors[step])
         of, error = (f"step {worst!r}", errors[worst]) if len(errors) > 1 else ("this recording", result.rms_log_error)
@@ -224,6 +221,11 @@ def verdict(
     if not result.converged:
         says.append("The fit stopped before it converged; do not use these numbers.")
     return tuple(says)
+
+
+def _left_beside_usual_errors(told: MarginalEstimate) -> float:
+    """Return the rms of ln Z that neither constants nor usual errors explain; infinite if the errors are unusual."""
+    return unexplained(told.found) if told.found.log_usual > np.log(_ONE_IN_TWENTY) else np.inf
 
 
 def _rms_of_step(curves: Sequence[Curve], step: str) -> float:

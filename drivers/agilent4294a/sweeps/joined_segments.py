@@ -21,9 +21,7 @@ def joined(sweeps: Sequence[Sweep], list_sweeps: int, no_list: str = "") -> Swee
     first, last = sweeps[0], sweeps[-1]
     frequency = np.concatenate([sweep.frequency for sweep in sweeps])
     settings: dict[str, Any] = {name: value for name, value in first.settings.items() if name not in _OF_ONE}
-    settings |= {
-        name: [one for sweep in sweeps for one in sweep.settings[name]] for name in PER_POINT if name in first.settings
-    }
+    settings |= {name: [one for sweep in sweeps for one in sweep.settings[name]] for name in PER_POINT}
     settings |= {
         "stop_Hz": last.settings["stop_Hz"],
         "points": int(frequency.size),
