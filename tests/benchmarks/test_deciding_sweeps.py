@@ -1,13 +1,11 @@
 """`pzctl measure --diagnose --yes` as in its guide: a sweep decides what one leaves open, among the whole catalogue."""
 
 import json
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from command_line import run_pzctl
 from daemon_fixtures import start_daemon
 
 from pzctl.daemon.client.location import Location
@@ -17,26 +15,9 @@ __all__ = ["start_daemon"]
 RESOURCE = "--resource 127.0.0.1:5835"
 FEW = "diagnose --effects stray-capacitance,surface-layer --build"
 """Of a recording that was diagnosed before, among the whole catalogue."""
-PZCTL = Path(sys.executable).with_name("pzctl")
 GUIDE = (Path(__file__).parents[2] / "docs" / "when-the-fit-is-wrong.md").read_text(encoding="utf-8")
 BUILD = re.search(r"<!-- file: S1.toml -->\n```toml\n(.*?)```", GUIDE, re.DOTALL)[1]  # type: ignore[index]
 BLOCKS = re.findall(rf"<!-- tested: \S+{Path(__file__).name} -->\n```bash\n(.*?)```", GUIDE, re.DOTALL)
-
-
-def run(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    environment = {**os.environ, "PZCTL_HOME": str(home), "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": ""}
-    done = subprocess.run(
-        [PZCTL, *words],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=home,
-        stdin=subprocess.DEVNULL,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    return done
 
 
 def test_a_wider_sweep_decides_what_one_sweep_leaves_open(
@@ -50,7 +31,7 @@ def test_a_wider_sweep_decides_what_one_sweep_leaves_open(
     assert sim.endswith("--jig ideal --hidden stray-capacitance=5e-12 &")
     (measure,) = (command for command in commands if command.startswith("measure"))
     outputs = {
-        command: run(tmp_path, *command.replace(RESOURCE, "--json").replace("diagnose --build", FEW).split())
+        command: run_pzctl(tmp_path, *command.replace(RESOURCE, "--json").replace("diagnose --build", FEW).split())
         for command in commands
     }
     assert {"S1.html", "S1-disk-1.csv", "S1-diagnosis.png"} <= {path.name for path in tmp_path.iterdir()}

@@ -12,6 +12,25 @@ from unittest import mock
 from pzctl.daemon.cli import main
 from pzctl.daemon.report.terminal import be_quiet
 
+PZCTL = Path(sys.executable).with_name("pzctl")
+
+
+def run_pzctl(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
+    """Run a command that has to succeed in a process of its own, in its data folder."""
+    environment = {**os.environ, "PZCTL_HOME": str(home), "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": ""}
+    done = subprocess.run(
+        [PZCTL, *words],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=home,
+        stdin=subprocess.DEVNULL,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    return done
+
 
 def run_here(
     home: Path, *words: object, environment: Mapping[str, str] | None = None

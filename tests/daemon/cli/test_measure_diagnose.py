@@ -1,10 +1,8 @@
 """`pzctl measure --diagnose` on the simulated bench: further sweeps decide what one sweep leaves open."""
 
 import json
-import os
 import re
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import run_here
+from command_line import run_here, run_pzctl
 from rich.console import Console
 
 import pzctl
@@ -31,7 +29,6 @@ from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"
 FEW = ["stray-capacitance", "surface-layer"]
-PZCTL = Path(sys.executable).with_name("pzctl")
 GUIDE = (Path(__file__).parents[3] / "docs" / "when-the-fit-is-wrong.md").read_text(encoding="utf-8")
 BUILD = re.search(r"<!-- file: S1.toml -->\n```toml\n(.*?)```", GUIDE, re.DOTALL)[1]  # type: ignore[index]
 WIDE = BUILD.replace("start_MHz = 3, stop_MHz = 5, points = 51", "start_MHz = 1.5, stop_MHz = 7.5, points = 41")
@@ -40,23 +37,7 @@ WIDE = BUILD.replace("start_MHz = 3, stop_MHz = 5, points = 51", "start_MHz = 1.
 def measured(home: Path) -> "subprocess.CompletedProcess[str]":
     """Measure and diagnose a bare disk through the command line."""
     (home / "S1.toml").write_text(BUILD)
-    return run(home, "measure", "--build", "S1.toml", "--diagnose", "--json")
-
-
-def run(home: Path, *words: str) -> "subprocess.CompletedProcess[str]":
-    environment = {**os.environ, "PZCTL_HOME": str(home), "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": ""}
-    done = subprocess.run(
-        [PZCTL, *words],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=home,
-        stdin=subprocess.DEVNULL,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    return done
+    return run_pzctl(home, "measure", "--build", "S1.toml", "--diagnose", "--json")
 
 
 def the_diagnosis(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
