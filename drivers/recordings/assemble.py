@@ -18,12 +18,10 @@ HIGHEST_Hz = 1e11
 
 REFERENCE = 50.0
 """Usual reference of a network analyzer, ohm."""
-REFLECTION = 0.01
+REFLECTION_ACCURACY = 0.01
 """Accuracy of the reflection coefficient of a network analyzer after calibration; data sheets have 0.005 to 0.02."""
 
-_OF_REFLECTION = (
-    f"A network analyzer's accuracy is assumed, {100 * REFLECTION:g} % of full reflection; --accuracy states another."
-)
+_OF_REFLECTION = f"A network analyzer's accuracy is assumed, {100 * REFLECTION_ACCURACY:g} % of full reflection; --accuracy states another."
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +78,7 @@ def assemble(
 
 def reflection_accuracy(Z: Impedances, reference: float) -> Reals:
     """Return the accuracy of ln Z from that of the reflection (Z - R)/(Z + R), shape (N,); R: the reference, ohm."""
-    return np.asarray(REFLECTION * np.abs(Z + reference) ** 2 / (2 * reference * np.abs(Z)), np.float64)
+    return np.asarray(REFLECTION_ACCURACY * np.abs(Z + reference) ** 2 / (2 * reference * np.abs(Z)), np.float64)
 
 
 def _check_frequency(page: TextFile, lines: Sequence[int], f: Reals) -> None:

@@ -302,13 +302,11 @@ def _at(places: Sequence[LinearisedRecording], functions: Sequence[_Values]) -> 
 
 def _instrument(add: _Add, places: Sequence[LinearisedRecording], grid: _Grid) -> None:
     """Add gain and phase errors, slow and fast, common to all sweeps."""
+    accuracies = [accuracy_of(place.recording.sweep)[:, None] for place in places]
     for part, length, most in scales.OF_INSTRUMENT:
-        functions = grid(length, most)
-        errors = [
-            accuracy_of(place.recording.sweep)[:, None] * own for place, own in zip(places, functions, strict=True)
-        ]
+        errors = [size * own for size, own in zip(accuracies, grid(length, most), strict=True)]
         of = _at(places, errors)
-        for k in range(functions[0].shape[1]):
+        for k in range(errors[0].shape[1]):
             for unit in (1.0, 1j):
                 add(part, 0.0, lambda p, of=of, k=k, unit=unit: _complex(unit * of[id(p)][:, k]))
 

@@ -18,11 +18,12 @@ def accuracy_of(sweep: Sweep) -> Reals:
     and for large |Z| are residues in series and in parallel, as a fixture has them), else a 4294A's up to 1 MHz.
     """
     stated = sweep.settings.get("accuracy")
-    of_gain, whole = (sweep.per_point(name) for name in ("gain_accuracy_relative", "accuracy_relative"))
-    noted = whole if of_gain is None else of_gain
-    if stated or noted is None:
-        return np.full(sweep.frequency.size, float(stated or scales.INSTRUMENT))
-    return noted
+    if not stated:
+        for name in ("gain_accuracy_relative", "accuracy_relative"):
+            noted = sweep.per_point(name)
+            if noted is not None:
+                return noted
+    return np.full(sweep.frequency.size, float(stated or scales.INSTRUMENT))
 
 
 def chi2_beside_instrument(recordings: Sequence[Recording], ratios: Sequence[Complexes], parameters: int) -> float:

@@ -38,6 +38,6 @@ def unexplained_at(found: MarginalFit, others: Collection[str] = ()) -> Reals:
     return np.asarray(np.where(np.isfinite(noise), model + rough - 2 * noise**2, model), np.float64)
 
 
-def unexplained(found: MarginalFit, others: Collection[str] = ()) -> float:
-    """Return the rms of ln Z that neither constants and effects nor the instrument explain."""
-    return float(np.sqrt(max(0.0, float(np.mean(unexplained_at(found, others))))))
+def rms_of(squares: Reals) -> float:
+    """Return the rms of what `unexplained_at` returns; 0 where the noise subtracted is more than all of it."""
+    return float(np.sqrt(max(0.0, float(np.mean(squares)))))

@@ -25,7 +25,7 @@ from ..engine.recording import rms
 from ..error_model.instrument_share import chi2_beside_instrument
 from ..error_model.marginal_estimate import MarginalEstimate, marginal_estimate
 from ..error_model.prior_scales import LEFT_AT_MOST
-from ..error_model.unexplained import unexplained
+from ..error_model.unexplained import rms_of, unexplained_at
 from ..interface import Constant, Curve, FitResult, Options
 from .bootstrap import bootstrap
 from .budget import budget_of
@@ -225,7 +225,7 @@ def verdict(
 
 def _left_beside_usual_errors(told: MarginalEstimate) -> float:
     """Return the rms of ln Z that neither constants nor usual errors explain; infinite if the errors are unusual."""
-    return unexplained(told.found) if told.found.log_usual > np.log(_ONE_IN_TWENTY) else np.inf
+    return rms_of(unexplained_at(told.found)) if told.found.log_usual > np.log(_ONE_IN_TWENTY) else np.inf
 
 
 def _rms_of_step(curves: Sequence[Curve], step: str) -> float:

@@ -18,7 +18,7 @@ from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.prior_scales import LEFT
-from ...error_model.unexplained import beyond_constants, unexplained_at
+from ...error_model.unexplained import beyond_constants, rms_of, unexplained_at
 from ...interface import UNCOMPUTABLE
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, ODDS, UNFINISHED
 from .own_losses import log_losses, own_losses
@@ -78,7 +78,7 @@ class Hypothesis:
     @property
     def unexplained(self) -> float:
         """Rms of ln Z that neither effects nor the instrument explain."""
-        return float(np.sqrt(max(0.0, float(np.mean(self.unexplained_at)))))
+        return rms_of(self.unexplained_at)
 
     @cached_property
     def unexplained_at(self) -> Reals:
