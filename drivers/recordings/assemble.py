@@ -21,7 +21,10 @@ REFERENCE = 50.0
 REFLECTION_ACCURACY = 0.01
 """Accuracy of the reflection coefficient of a network analyzer after calibration; data sheets have 0.005 to 0.02."""
 
-_OF_REFLECTION = f"A network analyzer's accuracy is assumed, {100 * REFLECTION_ACCURACY:g} % of full reflection; --accuracy states another."
+_OF_REFLECTION = (
+    f"A network analyzer's accuracy is assumed, {100 * REFLECTION_ACCURACY:g} % of full reflection; "
+    "--accuracy states another."
+)
 
 
 @dataclass(frozen=True, eq=False)
