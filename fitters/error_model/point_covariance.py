@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import comb
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dpttrf, dpttrs
 
 from ...models.base.arrays import Complexes, Reals
@@ -20,6 +22,10 @@ Rough = tuple[float, float]
 
 _LEAST = 1e-3
 """Smallest rough error at a point that is computed with, relative to the noise there: a millionth of its variance."""
+_SAME = 1e-9
+"""Difference of ln f below which two frequencies are the same."""
+_OWN = 0.01
+"""Share of the rough error's variance that is another one in each repeat: a device drifts, and so does an analyzer."""
 _ORDER = 5
 """Order of the differences from which the noise was estimated."""
 
@@ -37,6 +43,22 @@ class PointErrors:
     """Rough error of the effects' formulas of unit size, shape (N,)."""
     colour_limit: float = 1.0
     """Largest correlation that the noise of neighbouring points can have."""
+    device: str = ""
+    """What was recorded, and how: its rough error is the same in every recording at the same frequencies.
+
+    Empty if unknown.
+    """
+
+    @property
+    def kept(self) -> NDArray[np.bool_]:
+        """Whether each point counts, shape (N,)."""
+        return np.isfinite(self.noise)
+
+    def repeats(self, other: "PointErrors") -> bool:
+        """Return whether two recordings are of the same device at the same frequencies, so that only noise differs."""
+        if self.device == "" or self.device != other.device or self.log_f.shape != other.log_f.shape:
+            return False
+        return np.array_equal(self.kept, other.kept) and np.allclose(self.log_f, other.log_f, rtol=0, atol=_SAME)
 
 
 @cache
@@ -64,7 +86,7 @@ def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> Real
     """Return columns, complex of shape (N, P) for each recording, in units of its noise."""
     made: RealColumns = []
     for own, X in zip(points, blocks, strict=True):
-        kept = np.isfinite(own.noise)
+        kept = own.kept
         Y = X if np.all(kept) else X[kept]
         weight = 1 / own.noise[kept]
         both = np.empty((Y.shape[1], 2, Y.shape[0]))
@@ -114,12 +136,25 @@ class WhitenedColumns:
 
 
 class Kernel:
-    """The covariance K of all recordings, factorised."""
+    """The covariance K of all recordings, factorised.
+
+    The rough error of a device is in all repeats of a sweep, less a small share of its own in each: their points are
+    turned, in units of their noise, so that what they have in common is in the first of them alone.
+    """
 
     def __init__(self, points: Sequence[PointErrors], colour: float, rough: Rough) -> None:
         self._points = points
-        self._ones = [_One(own, colour, rough) for own in points]
-        self.log_det = 2 * sum(one.log_det for one in self._ones)
+        under = under_colour(colour)
+        sizes = [_rough_of(own, rough) for own in points]
+        self._turns = [_Turn.of(group, sizes) for group in _repeated(points)] if any(rough) else []
+        for turn in self._turns:
+            for k, size in zip(turn.members, turn.sizes, strict=True):
+                sizes[k] = size
+        self._ones = [
+            _One(own.log_f[own.kept], under * size, colour, under) for own, size in zip(points, sizes, strict=True)
+        ]
+        of_noise = sum(float(np.sum(np.log(own.noise[own.kept] / under))) for own in points)
+        self.log_det = 4 * of_noise + 2 * sum(one.log_det for one in self._ones)  # of Re and Im
 
     def white(self, blocks: Sequence[Complexes]) -> WhitenedColumns:
         """Return columns in units of K; `blocks` are those of each recording, complex, shape (N, P)."""
@@ -127,21 +162,71 @@ class Kernel:
 
     def whitened(self, columns: RealColumns) -> WhitenedColumns:
         """Return columns in units of K from columns in units of white noise."""
-        sides = [one.sides(X) for one, X in zip(self._ones, columns, strict=True)]
+        turned = list(columns)
+        for turn in self._turns:
+            for k, X in zip(turn.members, turn.turned([columns[k] for k in turn.members]), strict=True):
+                turned[k] = X
+        sides = [one.sides(X) for one, X in zip(self._ones, turned, strict=True)]
         return WhitenedColumns([_flat(left) for left, _ in sides], [_flat(right) for _, right in sides])
 
 
-class _One:
-    """The covariance K of one recording."""
+def _rough_of(own: PointErrors, rough: Rough) -> Reals:
+    """Return the rough error of a recording in units of its white noise, at the points that count."""
+    return (np.hypot(rough[0] * own.felt, rough[1] * own.bent) / own.noise)[own.kept]
 
-    def __init__(self, own: PointErrors, colour: float, rough: Rough) -> None:
-        kept = np.isfinite(own.noise)
-        size = np.hypot(rough[0] * own.felt, rough[1] * own.bent)[kept]
-        log_f, noise = own.log_f[kept], own.noise[kept]
-        n = noise.size
-        self._under, self._colour = under_colour(colour), colour
-        weight = self._under / noise
-        self.log_det = -2 * float(np.sum(np.log(weight))) + (n - 1) * float(np.log(1 - colour**2))
+
+def _repeated(points: Sequence[PointErrors]) -> list[tuple[int, ...]]:
+    """Return the numbers of the recordings that repeat one another, for each sweep that has repeats."""
+    groups: list[list[int]] = []
+    for k, own in enumerate(points):
+        known = next((group for group in groups if own.repeats(points[group[0]])), None)
+        if known is None:
+            groups.append([k])
+        else:
+            known.append(k)
+    return [tuple(group) for group in groups if len(group) > 1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """The rotation of repeated points that moves what they have in common to the first of them (Householder).
+
+    It is one for all frequencies where the ratio of the repeats' noise is: then coloured noise stays as it is.
+    """
+
+    members: tuple[int, ...]
+    """Numbers of the recordings."""
+    common: Reals
+    """Share of what they have in common in each of them, a unit vector at each point, shape (K, N)."""
+    sizes: Reals
+    """Rough error of the turned points, shape (K, N)."""
+
+    @classmethod
+    def of(cls, members: tuple[int, ...], sizes: Sequence[Reals]) -> Self:
+        """Return the rotation for these sizes of the rough error, in units of noise."""
+        own = np.stack([sizes[k] for k in members])
+        whole = np.sqrt(np.sum(own**2, axis=0))
+        alike = np.full(own.shape, 1 / np.sqrt(len(own)))
+        turned = np.outer(np.full(len(own), np.sqrt(_OWN / len(own))), whole)
+        turned[0] = np.sqrt(1 - _OWN + _OWN / len(own)) * whole
+        return cls(members, np.divide(own, whole, out=alike, where=whole > 0), turned)
+
+    def turned(self, columns: RealColumns) -> RealColumns:
+        """Return the columns of its recordings after the rotation, each of shape (P, 2, N)."""
+        shared = sum((e * X for e, X in zip(self.common, columns, strict=True)), np.zeros_like(columns[0]))
+        moved = (shared + columns[0]) / (1 + self.common[0])
+        others = [X - e * moved for e, X in zip(self.common[1:], columns[1:], strict=True)]
+        return [-shared, *others]
+
+
+class _One:
+    """The covariance K of one recording, in units of its white noise."""
+
+    def __init__(self, log_f: Reals, size: Reals, colour: float, under: float) -> None:
+        """`size`: rough error in units of the noise, which is larger than white noise of the same differences."""
+        n = log_f.size
+        self._under, self._colour = under, colour
+        self.log_det = (n - 1) * float(np.log(1 - colour**2))
         self.is_rough = bool(np.any(size))
         if not self.is_rough:
             return
@@ -154,7 +239,7 @@ class _One:
         middle_of_T = np.ones(n)
         middle_of_T[:-1] += step**2 / between
         middle_of_T[1:] += step**2 / between
-        self._amplitude = np.maximum(size * weight, _LEAST)
+        self._amplitude = np.maximum(size, _LEAST)
         diagonal = middle_of_T + self._amplitude**2 * middle
         beside = beside_of_T - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
         d, e, failed = dpttrf(diagonal, beside)

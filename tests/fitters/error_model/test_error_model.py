@@ -13,7 +13,8 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.parameters.assembly import stack_of
-from pzctl.fitters.error_model.error_columns import WeakLine
+from pzctl.fitters.engine.recording import Recording
+from pzctl.fitters.error_model.error_columns import WeakLine, columns_of, place_of
 from pzctl.fitters.error_model.error_sizes import ErrorSizes, factored
 from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
@@ -63,6 +64,49 @@ def test_whitened_products_equal_those_of_the_dense_covariance(
     expected = X.real.T @ np.linalg.solve(K, X.real) + X.imag.T @ np.linalg.solve(K, X.imag)
     np.testing.assert_allclose(G, expected, rtol=1e-6, atol=1e-6 * float(np.max(np.abs(expected))))
     assert log_det == pytest.approx(2 * float(np.linalg.slogdet(K)[1]), rel=1e-8)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.5])
+def test_repeats_of_a_sweep_share_the_rough_error_of_the_device(colour: float) -> None:
+    """However often it is swept, what the model lacks stays: only the noise is averaged."""
+    rng = np.random.default_rng(3)
+    log_f, rough, louder = np.sort(rng.uniform(14, 16, N)), (1e-3, 0.1), (1.0, 2.0, 0.7)
+    noise, felt, bent = rng.uniform(1e-4, 1e-3, N), rng.uniform(0.5, 20, N), rng.uniform(0, 0.1, N)
+    points = [PointErrors(log_f, noise * one, felt, bent, device="disk") for one in louder]
+    apart = [replace(own, device="") for own in points]
+    another = PointErrors(log_f, noise, felt, bent, device="ml1")
+    X = [rng.normal(size=(N, 3)) + 1j * rng.normal(size=(N, 3)) for _ in (*points, another)]
+    kernel = Kernel([points[0], another, *points[1:]], colour, rough)
+    blocks = [dense(own, colour, (0.0, 0.0)) for own in points]
+    shared = dense(points[0], colour, rough) - blocks[0]
+    K = 0.99 * np.tile(shared, (3, 3))
+    for k, (block, own) in enumerate(zip(blocks, louder, strict=True)):
+        # a hundredth is another in each sweep, in proportion to its noise
+        other = 0.01 * shared * own**2 * np.mean(1 / np.square(louder))
+        K[k * N : (k + 1) * N, k * N : (k + 1) * N] += block + other
+    alone = dense(another, colour, rough)
+
+    def products(Y: Reals, other: Reals) -> Reals:
+        return Y.T @ np.linalg.solve(K, Y) + other.T @ np.linalg.solve(alone, other)
+
+    Y = np.concatenate([X[0], X[2], X[3]])
+    expected = products(Y.real, X[1].real) + products(Y.imag, X[1].imag)
+    np.testing.assert_allclose(kernel.white(X).squared(), expected, rtol=1e-6, atol=1e-6 * float(np.max(expected)))
+    log_det = 2 * float(np.linalg.slogdet(K)[1] + np.linalg.slogdet(alone)[1])
+    assert kernel.log_det == pytest.approx(log_det, rel=1e-8)
+    same = [np.ones((N, 1), np.complex128)] * 3
+    told, believed = (float(Kernel(of, colour, rough).white(same).squared()[0, 0]) for of in (points, apart))
+    assert told < 0.5 * believed, "three sweeps tell little more than one"
+    excluded = replace(points[1], noise=np.where(np.arange(N) == 7, np.inf, points[1].noise))
+    assert not excluded.repeats(points[0])
+    up = Sweep(np.exp(log_f), np.exp(log_f) * -1j, {"direction": "up"})
+    for direction, same in (("up", True), ("down", False)):
+        sweeps = up, replace(up, settings={"direction": direction})
+        made = [Recording("disk", own, Device(DISK), noise) for own in sweeps]
+        first, second = columns_of([place_of(own, {}, []) for own in made], []).points
+        assert first.repeats(second) is same
+    assert not another.repeats(points[0])
+    assert not apart[0].repeats(apart[1])
 
 
 def test_uneven_thickness_is_what_strips_of_different_thickness_do() -> None:
