@@ -16,6 +16,7 @@ from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged
 from .joint_descent import CLOSE, NEAR, STEPS, JointPoint, descend
 from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
+from .prior_scales import FEW_SHAPE, SHAPE
 
 ORDER = ("held", "tau", "slow", "fixture", "losses", "uneven", "shape", "fast", "bend", "rho", "colour")
 ONE_IN_TWENTY = 1.645
@@ -199,6 +200,16 @@ class MarginalFit:
             if own:
                 made[name] = float(np.sum(z[own] ** 2)), len(own)
         return made
+
+    @cached_property
+    def bent(self) -> float:
+        """Relative error that the formulas of the effects most probably have, root mean square over frequency.
+
+        Those of several effects add up in squares.
+        """
+        z = self.gram.coefficients(self.sizes)
+        own = [k for k, part in enumerate(self.gram.columns.parts) if part == "shape"]
+        return SHAPE * float(np.sqrt(np.sum(z[own] ** 2) / (2 * FEW_SHAPE)))
 
     @property
     def values(self) -> dict[str, float]:

@@ -17,7 +17,7 @@ from ...error_model.at_resonance import at_resonance
 from ...error_model.error_sizes import ErrorSizes
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
-from ...error_model.prior_scales import LEFT
+from ...error_model.prior_scales import LEFT, SHAPE
 from ...error_model.unexplained import beyond_constants, rms_of, unexplained_at
 from ...interface import UNCOMPUTABLE
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, ODDS, UNFINISHED
@@ -58,7 +58,18 @@ class Hypothesis:
     @property
     def log_prior(self) -> float:
         """Logarithm of the prior density of constants, sizes and errors, relative to its largest value."""
-        return self.log_tails - 0.5 * self.fit.gram.before.q + self.fit.log_usual
+        return self.log_tails - 0.5 * self.fit.gram.before.q + self.fit.log_usual + self.log_bent
+
+    @property
+    def log_bent(self) -> float:
+        """Logarithm of how usual it is that formulas of effects are so wrong, relative to exact ones.
+
+        By the same mixture as what is left: an effect that has to be bent by more than its formula's usual error
+        stands for something else, which has the prior odds of any other effect. Otherwise the marginal likelihood
+        alone would pay for it, and that counts little beside errors: a resistance bent by a fifth was more probable
+        than a dispersion that needs no error.
+        """
+        return float(np.log(sum(_ways_to_leave(self.fit.bent, SHAPE))))
 
     @property
     def log_left(self) -> float:
@@ -67,12 +78,12 @@ class Hypothesis:
         It is the density of the rms left, by odds a mixture of two: imperfections of a good device, or a cause that no
         effect describes.
         """
-        return float(np.log(sum(_ways_to_leave(self.unexplained))))
+        return float(np.log(sum(_ways_to_leave(self.unexplained, LEFT))))
 
     @property
     def cause_left(self) -> float:
         """Probability that what it leaves has a cause that no effect describes, by the same mixture."""
-        usual, other = _ways_to_leave(self.unexplained)
+        usual, other = _ways_to_leave(self.unexplained, LEFT)
         return other / (usual + other)
 
     @property
@@ -132,15 +143,15 @@ class Hypothesis:
         return self.fit.marginal.objective
 
 
-def _ways_to_leave(left: float) -> tuple[float, float]:
+def _ways_to_leave(left: float, usual: float) -> tuple[float, float]:
     """Return the densities of an rms left by a good device, and by a cause that no effect describes, with their odds.
 
-    Half normal for imperfections; uniform in its logarithm from LEFT to 1 for a cause, continued as a constant below.
-    Relative to the largest of the former.
+    Half normal for imperfections of this `usual` size; uniform in its logarithm from there to 1 for a cause, continued
+    as a constant below. Relative to the largest of the former.
     """
-    usual = np.exp(-0.5 * (left / LEFT) ** 2)
-    other = np.sqrt(np.pi / 2) * LEFT / max(left, LEFT) / -np.log(LEFT)
-    return float((1 - ODDS) * usual), float(ODDS * other)
+    good = np.exp(-0.5 * (left / usual) ** 2)
+    other = np.sqrt(np.pi / 2) * usual / max(left, usual) / -np.log(usual)
+    return float((1 - ODDS) * good), float(ODDS * other)
 
 
 def beside(effects: Sequence[Candidate], candidates: Sequence[Candidate]) -> list[Candidate]:

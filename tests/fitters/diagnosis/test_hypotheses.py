@@ -40,7 +40,7 @@ from pzctl.fitters.diagnosis.search.screening import ScreenedCandidate
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.recording import Prior, QualityFactor
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
-from pzctl.fitters.error_model.prior_scales import LEFT
+from pzctl.fitters.error_model.prior_scales import LEFT, SHAPE
 from pzctl.fitters.interface import FitTask
 from pzctl.models import materials
 from pzctl.models.effects import Device, EffectParameter, catalogue
@@ -361,6 +361,28 @@ def test_how_usual_a_rest_is_follows_from_two_densities(decades: float) -> None:
     assert said == pytest.approx(np.log(density / good.pdf(0.0)), abs=1e-6)
     cause = Hypothesis.cause_left.fget(SimpleNamespace(unexplained=left))
     assert cause == pytest.approx(1 - (1 - ODDS) * good.pdf(left) / density, abs=1e-9)
+
+
+def test_an_effect_that_has_to_be_bent_is_as_improbable_as_another_one_beside_it(lead_case) -> None:
+    (stray,) = (one for one in lead_case.candidates if one.effect.name == "stray-capacitance")
+    sizes = ErrorSizes(slow=1.0, shape=3.0)
+    right, wrong = (
+        fitted(lead_case.problem, (one,), lead_case.problem.values, (sizes,), fixed=True)
+        for one in (lead_case.lead, stray)
+    )
+    assert right.fit.bent < 0.5 * SHAPE
+    assert wrong.fit.bent > 2 * SHAPE, "no stray capacitance does what a lead does"
+    assert right.log_bent == pytest.approx(np.log(1 - ODDS), abs=0.1)
+    assert wrong.log_bent < np.log(ODDS) / 2
+    costs = right.log_prior - right.log_bent, wrong.log_prior - wrong.log_bent
+    assert costs == pytest.approx(
+        tuple(one.log_tails - 0.5 * one.fit.gram.before.q + one.fit.log_usual for one in (right, wrong))
+    )
+    good, other = halfnorm(scale=SHAPE), loguniform(SHAPE, 1.0)
+    for bent in (0.01, 0.2, 0.5):
+        density = (1 - ODDS) * good.pdf(bent) + ODDS * other.pdf(max(bent, SHAPE * (1 + 1e-12)))
+        said = Hypothesis.log_bent.fget(SimpleNamespace(fit=SimpleNamespace(bent=bent)))
+        assert said == pytest.approx(np.log(density / good.pdf(0.0)), abs=1e-6)
 
 
 @given(st.floats(-5, 5))
