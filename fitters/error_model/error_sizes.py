@@ -187,6 +187,25 @@ class Gram:
         on, d, L, _ = self._present(sizes)
         return coefficients_of(len(self.columns.parts), on, d, L, whitened_by(L, d[:, None] * G[on, -1:])[:, 0])
 
+    def told(self, sizes: ErrorSizes) -> Reals:
+        """Return which part of each column's prior variance the recordings take away, shape (C,). Raises LinAlgError.
+
+        It is the expected square of its most probable coefficient, in standard deviations: none of what they do not
+        show, or what constants may be as well.
+        """
+        G, _ = self._gram(sizes.colour, sizes.rough)
+        on, d, L, _ = self._present(sizes)
+        C = len(self.columns.parts)
+        made = np.zeros(C)
+        if on.size:
+            H = self.value(sizes).H
+            unit = np.sqrt(np.maximum(H.diagonal(), 1e-300))
+            alone = whitened_by(L, np.eye(on.size))
+            moved = alone.T @ whitened_by(L, d[:, None] * G[on, C:-1])
+            by_constants = whitened_by(_cholesky(H / unit / unit[:, None]), (moved / unit).T)
+            made[on] = np.clip(1 - np.sum(alone**2, axis=0) - np.sum(by_constants**2, axis=0), 0.0, 1.0)
+        return made
+
     def _gram(self, colour: float, rough: Rough) -> tuple[Reals, float]:
         if (colour, rough) not in self._known:
             kernel = Kernel(self.columns.points, colour, rough)

@@ -186,19 +186,21 @@ class MarginalFit:
         return sum(-0.5 * max(0.0, _unusual(*one)) for one in self.deviations.values())
 
     @cached_property
-    def deviations(self) -> dict[Part, tuple[float, int]]:
-        """By part of the instrument's error: sum of squares of its coefficients, and their number.
+    def deviations(self) -> dict[Part, tuple[float, float]]:
+        """By part of the instrument's error: sum of squares of its coefficients, and how many the recordings show.
 
         They are in units of what is specified: the analyzer's accuracy, a fixture's usual residue, a value's tolerance.
+        What they do not show is most probably zero and no sign of a good instrument: five residues of a fixture, of
+        which one is seen, are one number.
         """
         columns = self.gram.columns
         on, _ = columns.present(self.sizes.of_columns())
-        z = self.gram.coefficients(self.sizes)
-        made: dict[Part, tuple[float, int]] = {}
+        z, told = self.gram.coefficients(self.sizes), self.gram.told(self.sizes)
+        made: dict[Part, tuple[float, float]] = {}
         for name in _NOT_OF_THE_MODEL:
             own = [k for k in on.tolist() if columns.parts[k] == name]
             if own:
-                made[name] = float(np.sum(z[own] ** 2)), len(own)
+                made[name] = float(np.sum(z[own] ** 2)), max(1.0, float(np.sum(told[own])))
         return made
 
     @cached_property
@@ -221,7 +223,7 @@ def _promised(value: Value) -> float:
     return max(0.0, 0.5 * float(value.step @ value.H @ value.step) - _SETTLED)
 
 
-def _unusual(squares: float, count: int) -> float:
+def _unusual(squares: float, count: float) -> float:
     """Return minus twice ln density of a root sum of squares of `count` normal numbers, relative to its maximum."""
     mode = count - 1
     if squares <= mode:

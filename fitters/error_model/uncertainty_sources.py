@@ -201,7 +201,7 @@ def _off(columns: ErrorColumns, a: Reals) -> dict[str, float]:
     return {name: change for name, (_, change) in sorted(moved.items(), key=lambda item: -item[1][0])}
 
 
-def _plausible(squares: float, count: int) -> float:
+def _plausible(squares: float, count: float) -> float:
     """Return the part of an instrument's error that is within what it exceeds in one case of twenty.
 
     More is not its own: a wire of 9 nH is no residual of a compensated fixture.

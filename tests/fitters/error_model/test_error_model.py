@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from scipy.special import chdtri
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.drivers.recordings import read_recording
@@ -19,7 +20,15 @@ from pzctl.fitters.error_model.error_sizes import ErrorSizes, factored
 from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
 from pzctl.fitters.error_model.point_covariance import Kernel, PointErrors, under_colour
-from pzctl.fitters.error_model.prior_scales import LINE_OFF, ROUGH_LENGTH, UNEVEN
+from pzctl.fitters.error_model.prior_scales import (
+    FEW_SLOW,
+    FIXTURE,
+    INSTRUMENT,
+    LINE_OFF,
+    ROUGH_LENGTH,
+    SLOW,
+    UNEVEN,
+)
 from pzctl.fitters.error_model.smooth_basis import smooth
 from pzctl.fitters.error_model.uncertainty_sources import SOURCES, spread_of
 from pzctl.fitters.interface import FitTask
@@ -203,6 +212,34 @@ def test_contributions_of_sources_add_up_and_include_the_instrument() -> None:
     u = spread.of(found.marginal.objective.coordinates.forward(found.x)[1])
     at = found.marginal.objective.coordinates.parameters.index("disk.eps33S.im")
     assert u["instrument"][at] > 3 * u["noise"][at]
+
+
+def test_errors_of_an_instrument_are_as_many_numbers_as_a_recording_shows() -> None:
+    """An analyzer and a fixture as good as specified, time and again: one in twenty is worse than nineteen."""
+    f = np.linspace(1.5e6, 7.5e6, 121)
+    Z, jw = DISK.impedance(f), 2j * np.pi * f
+    B = smooth(np.log(f), (np.log(f[0]), np.log(f[-1])), SLOW, FEW_SLOW)
+    rng = np.random.default_rng(1)
+    shown: dict[str, list[tuple[float, float]]] = {"slow": [], "fixture": []}
+    for _ in range(60):
+        of_fixture = dict(zip(FIXTURE, rng.normal(size=5) * list(FIXTURE.values()), strict=True))
+        series = of_fixture["inductance"] * jw + of_fixture["resistance"]
+        series = series + of_fixture["skin"] * (1 + 1j) * np.sqrt(f / 1e6)
+        seen = 1 / (1 / Z + of_fixture["capacitance"] * jw + of_fixture["conductance"]) + series
+        gain, phase = INSTRUMENT * (B @ rng.normal(size=(B.shape[1], 2))).T
+        noise = 2e-4 * rng.normal(size=(2, f.size))
+        sweep = Sweep(f, seen * np.exp(gain + noise[0] + 1j * (phase + noise[1])))
+        objective = solve(FitTask(BUILD, {"disk": (sweep,)}), lambda _: None).judged
+        sizes = (ErrorSizes(slow=1.0, fixture=1.0),)
+        found = fit(Marginal.of(objective), objective.coordinates.x, sizes, rounds=2, fixed=True)
+        for part, own in shown.items():
+            own.append(found.deviations[part])
+    for part, columns in (("slow", 2 * FEW_SLOW), ("fixture", len(FIXTURE))):
+        squares, numbers = np.array(shown[part]).T
+        assert np.mean(squares) == pytest.approx(np.mean(numbers), rel=0.25)
+        assert np.max(numbers) < 0.7 * columns
+        assert np.mean(squares > chdtri(numbers, 0.05)) < 0.15
+        assert np.sum(squares > chdtri(columns, 0.05)) <= 1, "of all columns hardly any is worse"
 
 
 def test_the_accuracy_stated_in_a_recording_replaces_a_4294as() -> None:
