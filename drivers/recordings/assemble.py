@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from ...models.base.arrays import Impedances, Reals
-from ...models.sweep import Sweep
+from ...models.sweep import PER_POINT, Sweep
+from .provenance import per_point_fault
 from .text_file import TextFile, file_time
 
 LOWEST_Hz = 40.0
 """Lowest frequency of the 4294A; a recording that ends below it has its frequencies in another unit."""
 HIGHEST_Hz = 1e11
 """Frequency far above the range of any impedance analyzer."""
-
+SMALLEST_OHM, LARGEST_OHM = 1e-30, 1e30
+"""Sizes of Z far beyond any device; fits could not calculate with smaller or larger numbers."""
 
 REFERENCE = 50.0
 """Usual reference of a network analyzer, ohm."""
@@ -54,15 +56,19 @@ def assemble(
     `reference`: in ohm, if the file is that of a network analyzer, which measures the reflection; the settings then
     have the accuracy at each point. A downward sweep is reversed. Inverted polarity is reported in the notes, and the
     numbers stay as recorded. Raises RecordingError for fewer than two points, for frequencies that are not monotonic,
-    repeated or in another unit, and for impedances that are zero or not finite.
+    repeated or in another unit, for impedances that are zero or not finite, and for settings per point whose number is
+    another one than that of the points.
     """
     lines, frequency, impedance = points.lines, points.frequency, points.impedance
     if frequency.size < 2:
         found = "one point" if frequency.size else "no points"
         raise page.error(None, f"{found} found; at least 2 are needed")
     settings = dict(settings)
+    if fault := per_point_fault(settings, frequency.size):
+        raise page.error(None, fault)
     if np.all(np.diff(frequency) < 0):
         frequency, impedance, lines = frequency[::-1], impedance[::-1], lines[::-1]
+        settings |= {name: settings[name][::-1] for name in PER_POINT if settings.get(name)}
         settings["direction"] = "down"
     _check_frequency(page, lines, frequency)
     _check_impedance(page, lines, impedance)
@@ -117,6 +123,15 @@ def _check_impedance(page: TextFile, lines: Sequence[int], z: Impedances) -> Non
         k = int(bad[0])
         found = "an impedance of 0 ohm, which no device has" if z[k] == 0 else "no finite impedance"
         raise page.error(lines[k], f"these numbers give {found}")
+    size = np.hypot(z.real, z.imag)
+    far = np.flatnonzero((size < SMALLEST_OHM) | (size > LARGEST_OHM))
+    if far.size:
+        k = int(far[0])
+        raise page.error(
+            lines[k],
+            f"these numbers give |Z| = {size[k]:.3g} ohm, which no device has; {SMALLEST_OHM:g} to {LARGEST_OHM:g} ohm "
+            "are allowed",
+        )
 
 
 def _polarity(z: Impedances) -> list[str]:

@@ -2,18 +2,24 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
-from ...models.sweep import Sweep
+from ...models.sweep import PER_POINT, Sweep
 from .text_file import RecordingError, TextFile, clipped
 
 FORMAT = "pzctl recording 1"
 OWN = ("format", "rows", "time", "id", "note")
 """Keys that are not settings."""
-NUMBERS = ("bandwidth", "oscillator_V", "point_average", "sweep_average", "sweep_seconds", "bias_V")
-"""Settings that other code calculates with: numbers, or null if unknown."""
+NUMBERS = {
+    **dict.fromkeys(("bandwidth", "oscillator_V", "oscillator_A", "point_average", "sweep_average"), (0.0, math.inf)),
+    **dict.fromkeys(("sweep_seconds", "estimated_seconds", "source_ohm"), (0.0, math.inf)),
+    "bias_V": (-math.inf, math.inf),
+    "accuracy": (1e-6, 0.1),
+}
+"""Settings that other code calculates with, with their least and greatest value: numbers, or null if unknown."""
+DIRECTIONS = ("up", "down")
 
 
 @dataclass
@@ -92,22 +98,56 @@ def _count(page: TextFile, value: object, line: int) -> int:
 
 
 def _checked(page: TextFile, key: str, value: Any, line: int) -> Any:
-    """Refuse a setting that has to be a finite number and is not."""
+    """Refuse a setting that other code uses and that is not what it has to be."""
     if fault := setting_fault(key, value):
         raise page.error(line, fault)
     return value
 
 
 def setting_fault(key: str, value: Any) -> str:
-    """Return what is wrong with a setting, or an empty string; those in `NUMBERS` have to be finite numbers."""
-    if key not in NUMBERS or value is None:
+    """Return what is wrong with a setting that other code uses, or an empty string."""
+    if value is None:
         return ""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if key in NUMBERS:
+        needed = "" if _is_number(value, *NUMBERS[key]) else _range(key)
+    elif key in PER_POINT:
+        needed = "" if _are_positive(value) else _LIST
+    else:
+        needed = "" if key != "direction" or value in DIRECTIONS else "up or down"
+    return f"{key} is {clipped(str(value))}; {needed} is needed" if needed else ""
+
+
+_LIST = "a list of positive numbers, one for each point,"
+
+
+def _range(key: str) -> str:
+    least, greatest = NUMBERS[key]
+    if math.isfinite(greatest):
+        return f"a number from {least:g} to {greatest:g} (0.001 for 0.1 %)"
+    return "a number" if least < 0 else "a number that is not negative"
+
+
+def _is_number(value: object, least: float, greatest: float) -> bool:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
     try:
-        finite = number and math.isfinite(value)
-    except OverflowError:
-        finite = False
-    return "" if finite else f"{key} is {clipped(str(value))}; a number is needed"
+        return math.isfinite(value) and least <= value <= greatest
+    except OverflowError:  # an integer beyond all floats
+        return False
+
+
+def _are_positive(value: object) -> bool:
+    if not isinstance(value, list):
+        return False
+    return all(_is_number(one, 0, math.inf) and one for one in cast("list[object]", value))
+
+
+def per_point_fault(settings: Mapping[str, Any], points: int) -> str:
+    """Return what is wrong with the number of values of settings that have one for each point, or an empty string."""
+    for name in PER_POINT:
+        if (given := settings.get(name)) is not None and len(given) != points:
+            return f"{name} has {len(given)} value(s), the recording {points} points; one for each point is needed"
+    return ""
 
 
 def check_points(page: TextFile, announced: int | None, found: int, what: str = "the file") -> None:

@@ -143,9 +143,6 @@ def _size(top: Table) -> tuple[Quantity | None, Quantity]:
         raise top.missing("size", "write diameter_mm = ... or area_mm2 = ...")
     d = size["diameter"]
     area, u = math.pi / 4 * d.re * d.re, math.pi / 2 * d.re * d.u
-    if not 0 < area < math.inf or not math.isfinite(u):
-        says = f"is {d.re * 1e3:g}; such a face has {area:g} +- {u:g} m2, and a finite positive area is needed"
-        raise top.error("diameter_mm", says)
     return d, Quantity(area, u=u, source=d.source)
 
 

@@ -15,6 +15,8 @@ from .file_keys import BELOW, LOSS_SIGN, POSITIVE, REAL, TIED, Entry, Key
 
 LARGEST_WHOLE = 2**53
 """Largest whole number that every reader of JSON keeps exactly."""
+SMALLEST, LARGEST = 1e-50, 1e50
+"""Least and greatest size of a number: models multiply several of them, and beyond it products leave the range."""
 
 _DECIMAL_COMMA = re.compile(r"=\s*([-+]?\d+,\d+)\s*(?:[#,}]|$)", re.MULTILINE)
 
@@ -142,6 +144,8 @@ class Table:
             number = math.inf
         if not math.isfinite(number):
             raise self.error(key, f"is {shown(value)}; a finite number is needed")
+        if number and not SMALLEST <= abs(number) <= LARGEST:
+            raise self.error(key, f"is {shown(value)}; a size from {SMALLEST:g} to {LARGEST:g} is needed, or zero")
         return number
 
     def integer(self, key: str) -> int:
@@ -216,8 +220,6 @@ class Table:
 
     def _checked(self, key: str, what: Key, numbers: tuple[float, float, float, float]) -> Quantity:
         re, im, u, u_im = (what.factor * n for n in numbers)
-        if not all(map(math.isfinite, (re, im, u, u_im))):
-            raise self.error(key, f"is {numbers[0]:g}; this is too large")
         if what.name in POSITIVE and re <= 0:
             raise self.error(key, f"is {numbers[0]:g}; a positive number is needed")
         if re >= BELOW.get(what.name, math.inf):

@@ -15,7 +15,7 @@ import numpy as np
 from ....models.base.arrays import Reals
 from ....models.sweep import Sweep
 from ..atomic_file import read_sealed, sealed, write_whole
-from ..provenance import FORMAT, provenance_lines, setting_fault
+from ..provenance import FORMAT, per_point_fault, provenance_lines, setting_fault
 from ..text_file import LARGEST, RecordingError, clipped
 
 COLUMNS = {"frequency": "Hz", "resistance": "ohm", "reactance": "ohm"}
@@ -84,8 +84,9 @@ def _sweep(path: Path, columns: Mapping[str, Reals], attributes: Mapping[str, st
     if not isinstance(settings, dict) or not isinstance(notes, list):
         raise ValueError("its settings are not a table, or its notes not a list")
     settings, notes = cast("dict[str, Any]", settings), cast("list[object]", notes)
-    if faults := list(filter(None, (setting_fault(key, value) for key, value in settings.items()))):
-        raise ValueError(faults[0])
+    faults = (setting_fault(key, value) for key, value in settings.items())
+    if fault := next(filter(None, faults), "") or per_point_fault(settings, len(columns["frequency"])):
+        raise ValueError(fault)
     z = columns["resistance"] + 1j * columns["reactance"]
     return Sweep(columns["frequency"], z, settings, attributes["time"], attributes["id"], tuple(map(str, notes)))
 

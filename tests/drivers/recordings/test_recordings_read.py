@@ -259,8 +259,9 @@ def test_e4990a_with_title_bias_and_memory(tmp_path: Path) -> None:
 
 def test_a_downward_sweep_is_reversed(tmp_path: Path) -> None:
     file = tmp_path / "a.csv"
-    file.write_text("frequency_Hz,R_ohm,X_ohm\n3000,3,0\n2000,2,0\n1000,1,0\n")
+    file.write_text("# noise_relative: [3e-3, 2e-3, 1e-3]\nfrequency_Hz,R_ohm,X_ohm\n3000,3,0\n2000,2,0\n1000,1,0\n")
     sweep = read_recording(file)
+    assert sweep.settings["noise_relative"] == [1e-3, 2e-3, 3e-3]
     assert sweep.frequency.tolist() == [1000, 2000, 3000]
     assert sweep.impedance.tolist() == [1, 2, 3]
     assert sweep.settings["direction"] == "down"
