@@ -272,7 +272,7 @@ def _daemon(
         finally:
             if started and simulated:
                 lab.shutdown()
-            elif started:
+            elif started and running() is not None:  # it may have been killed in the meantime
                 console.print("the daemon keeps running; end it with `pzctl daemon --stop`", style="dim")
 
 
@@ -349,7 +349,7 @@ def _prepare(lab: "Client", step: str, on: "AnalyzerState", console: "Console") 
         try:
             lab.bench({"command": "step", "name": step}, on.name)
         except DaemonError as error:
-            console.print(f"bench: {error}", style="dim", highlight=False)
+            console.print(str(error), style="dim", highlight=False)
     elif sys.stdin.isatty():
         typer.prompt(f"Bring the transducer to step {step!r} and press Enter", default="", show_default=False, err=True)
 
