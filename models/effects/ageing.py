@@ -30,10 +30,14 @@ class Ageing(Effect):
         return (f"layer:{active(stack).name}",)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the relative changes: a ceramic loses 1 to 5 % of its permittivity per decade of time."""
+        """Return the relative changes: a ceramic loses 1 to 5 % of its permittivity per decade of time.
+
+        Even a hard one becomes stiffer by no more than 3 % per decade, and one that has lost all poling is softer by a
+        fifth at most. What is further off is another ceramic, or no change of the ceramic at all.
+        """
         return (
-            EffectParameter("stiffness", "1", typical=1e-3, lower=-0.3, upper=0.3, prior=(0.0, 0.01)),
-            EffectParameter("coupling", "1", typical=3e-3, lower=-0.9, upper=0.9, prior=(0.0, 0.02)),
+            EffectParameter("stiffness", "1", typical=1e-3, lower=-0.2, upper=0.05, prior=(0.0, 0.01)),
+            EffectParameter("coupling", "1", typical=3e-3, lower=-0.9, upper=0.1, prior=(0.0, 0.02)),
             EffectParameter("permittivity", "1", typical=3e-3, lower=-0.5, upper=0.5, prior=(0.0, 0.03)),
         )
 
