@@ -133,6 +133,14 @@ class Hypothesis:
         return away.size > 0 and float(away @ away) > float(chdtri(away.size, ASTRAY))
 
     @property
+    def strained(self) -> bool:
+        """Whether its constants are astray, or its errors of the instrument are those of less than one in twenty.
+
+        Then they stand for something that is missing, and hide it.
+        """
+        return self.astray or self.fit.log_usual < np.log(ASTRAY)
+
+    @property
     def coarseness(self) -> float:
         """How much ln evidence counts as one nat if this is the best explanation."""
         return coarseness(self.fit.shortfall, self.fit.exact)

@@ -320,6 +320,13 @@ def test_a_true_effect_has_the_highest_evidence_and_its_true_size(lead_case) -> 
     assert made.log_odds < 0 == null.log_odds
 
 
+def test_constants_and_errors_of_the_instrument_that_stand_for_something_else_are_strained(lead_case) -> None:
+    null, best = lead_case.search.null, lead_case.search.best
+    assert null.strained, "a lead of 9 nH is no residue of a fixture"
+    assert not null.astray
+    assert not best.strained
+
+
 def weighed(evidence: float, odds: float, shortfall: float, prior: float = 0.0, left: float = 0.0) -> SimpleNamespace:
     fit, weight = SimpleNamespace(shortfall=shortfall, exact=shortfall == 0), evidence + odds
     known = {"log_prior": prior, "log_left": left}
