@@ -421,7 +421,8 @@ def _unknown(final: Refit, held: float, left: Leftover, where: str, found: Concl
     says = unproved or "No effect of the catalogue explains the misfit; find its cause before you use the constants."
     if found.undecided:
         names = ", ".join(f"{one.effect} at {one.where} ({one.probability:.2f})" for one in found.undecided)
-        says = f"Something is there; most probably one of these, which the recordings do not tell apart: {names}."
+        several = "one of these, which the recordings do not tell apart: " if len(found.undecided) > 1 else ""
+        says = f"Something is there; most probably {several}{names}."
     return Finding(
         effect=UNKNOWN,
         where=ANY,

@@ -116,7 +116,7 @@ def conclude(search: GreedySearch) -> Conclusion:
         remaining=remaining_of(final),
         something_else=_something_else(search, final.key),
         nearest=_nearest(search, null),
-        undecided=() if named else _undecided(search),
+        undecided=() if named else _undecided(certainties),
     )
 
 
@@ -189,16 +189,18 @@ def _something_else(search: GreedySearch, named: frozenset[Candidate]) -> float:
     return max(0.0, 1.0 - enough)
 
 
-def _undecided(search: GreedySearch) -> tuple[Alternative, ...]:
-    """Return the most probable effects, each at its most probable place, unless there may be none at all."""
+def _undecided(certainties: Certainties) -> tuple[Alternative, ...]:
+    """Return the most certain effects, each at its most probable place, unless there may be none at all."""
+    search = certainties.search
     if dict(search.posterior)[search.null] > NOTHING:
         return ()
     places = dict[str, str]()
     for one in search.probable:
         for effect in one.effects:
             places.setdefault(effect.effect.name, effect.where)
-    own = [Alternative(name, where, search.inclusion({name})) for name, where in places.items() if name != UNKNOWN]
-    return tuple(sorted(own, key=lambda one: -one.probability)[:LISTED])
+    own = [Alternative(name, at, certainties.found({name})) for name, at in places.items() if name != UNKNOWN]
+    listed = sorted(own, key=lambda one: -one.probability)[:LISTED]
+    return tuple(one for one in listed if one is listed[0] or one.probability >= TOLD)
 
 
 def _nearest(search: GreedySearch, null: Hypothesis) -> tuple[Candidate, float] | None:
