@@ -64,7 +64,8 @@ probability below 1e-3, and no name depends on it."""
 PARENTS = 3
 """Budget: number of best hypotheses that are extended by one more effect, and from which a conclusion is drawn."""
 SUBSTITUTES = 3
-"""Budget: substitutes fitted for each effect of the best hypothesis: as many that promise most, and look-alikes."""
+"""Budget: substitutes fitted for each effect of the best hypothesis: as many that promise most, and look-alikes. Also
+effects that explain most alone, fitted beside one that hides them."""
 RESEMBLING = 0.5
 """Correlation with an effect, after projecting out the constants, from which another is fitted in its place."""
 RIVALS = 6

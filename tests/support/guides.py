@@ -26,8 +26,9 @@ def run_guide(text: str, folder: Path, fork_server: ForkServer | None) -> None:
     if fork_server is not None:
         more, files = fork_server.for_shell(folder, path)
         environment |= more
-    for port in set(PORT.findall(text)):
-        text = text.replace(port, str(free_port()))
+    ports = {port: str(free_port()) for port in set(PORT.findall(text))}
+    # all at once: a free port, 25026, may contain another one of the guide
+    text = re.sub(r"\b\d{4}\b", lambda number: ports.get(number[0], number[0]), text)
     for kind, file, block in BLOCK.findall(STARTED.sub(UNTIL_IT_LISTENS, text)):
         if kind != "run":
             (folder / file).write_text(block, encoding="utf-8")
