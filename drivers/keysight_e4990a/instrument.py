@@ -12,6 +12,7 @@ from ...models.sweep_plan import PlanError, Segment, SweepPlan
 from ..base.analyzer import Analyzer, Cancelled, Identity, InstrumentError, Progress
 from ..base.capabilities import Capabilities, named_segments
 from ..base.compensation import Compensation, Standard
+from ..base.per_point import gain_per_point, per_point
 from ..visa import replies
 from ..visa.connection import Connection, ConnectionLost
 from . import compensation, settings
@@ -283,11 +284,9 @@ def _record(
         "ended": raw.ended,
         "sweep_seconds": round(raw.seconds, 3),
         "estimated_seconds": round(expected, 3),
-        "noise_relative": [float(f"{v:.3g}") for v in noise],
-        "accuracy_relative": [float(f"{v:.3g}") for v in relative_accuracy(f, nonzero, speed, level)],
-        "gain_accuracy_relative": [
-            float(f"{v:.5g}") for v in gain_accuracy(f, speed)
-        ],  # steps of three digits would be seen
+        "noise_relative": per_point(noise),
+        "accuracy_relative": per_point(relative_accuracy(f, nonzero, speed, level)),
+        "gain_accuracy_relative": gain_per_point(gain_accuracy(f, speed)),
     }
     notes: tuple[str, ...] = ()
     if len(segments) > 1:

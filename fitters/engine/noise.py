@@ -146,7 +146,7 @@ def noise_of(sweeps: Sequence[Sweep]) -> tuple[Noise, tuple[Reals, ...]]:
     """
     by_index: dict[int, Reals] = {}
     sources: set[str] = set()
-    kinds = [conditions_of(sweep) for sweep in sweeps]
+    kinds = [common_settings(sweep) for sweep in sweeps]
     for kind in dict.fromkeys(kinds):
         alike = [k for k, other in enumerate(kinds) if other == kind]
         repeats = noise_from_repeats([sweeps[k] for k in alike])
@@ -169,7 +169,7 @@ def _accuracy(sweep: Sweep) -> Reals:
     return np.full(sweep.frequency.size, _UNKNOWN) if accuracy is None else accuracy
 
 
-def conditions_of(sweep: Sweep) -> tuple[object, ...]:
+def common_settings(sweep: Sweep) -> tuple[object, ...]:
     """Return the settings that sweeps which repeat one another have in common."""
     names = ("oscillator_V", "oscillator_A", "bandwidth", "point_average", "sweep_average", "direction")
     return tuple(sweep.settings.get(name) for name in names)

@@ -15,7 +15,7 @@ from ...models.effects.base.branch import branch
 from ...models.effects.base.corrected_path import SERIES, SHUNT
 from ...models.effects.base.scale import active, capacitance, reactance, resonance
 from ...models.stack import Elastic, Piezo, Stack
-from ..engine.noise import conditions_of
+from ..engine.noise import common_settings
 from ..engine.recording import Recording
 from . import prior_scales as scales
 from .instrument_share import accuracy_of
@@ -513,5 +513,5 @@ def _points(place: LinearisedRecording) -> PointErrors:
     bent = np.sqrt(sum((np.abs(own) ** 2 for own in place.rough), np.zeros(place.Z.size)))
     own = place.recording
     # what an effect does depends on the level and the direction of a sweep, and so do errors of its formula
-    device = f"{own.step} {conditions_of(own.sweep)}"
+    device = f"{own.step} {common_settings(own.sweep)}"
     return PointErrors(np.log(own.sweep.frequency), own.noise, felt, bent, own.colour_limit, device)

@@ -16,7 +16,7 @@ from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged
 from .joint_descent import CLOSE, NEAR, STEPS, JointPoint, descend
 from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
-from .prior_scales import FEW_SHAPE, SHAPE
+from .prior_scales import FEW_SHAPE, RARE, SHAPE
 
 ORDER = ("held", "tau", "slow", "fixture", "losses", "uneven", "shape", "fast", "bend", "rho", "colour")
 ONE_IN_TWENTY = 1.645
@@ -185,6 +185,11 @@ class MarginalFit:
         """
         return sum(-0.5 * max(0.0, _unusual(*one)) for one in self.deviations.values())
 
+    @property
+    def has_usual_errors(self) -> bool:
+        """Whether they are not those of less than one instrument, fixture or build in twenty."""
+        return self.log_usual > np.log(RARE)
+
     @cached_property
     def deviations(self) -> dict[Part, tuple[float, float]]:
         """By part of the instrument's error: sum of squares of its coefficients, and how many the recordings show.
@@ -195,7 +200,7 @@ class MarginalFit:
         """
         columns = self.gram.columns
         on, _ = columns.present(self.sizes.of_columns())
-        z, told = self.gram.coefficients(self.sizes), self.gram.told(self.sizes)
+        z, told = self._coefficients, self.gram.told(self.sizes)
         made: dict[Part, tuple[float, float]] = {}
         for name in _NOT_OF_THE_MODEL:
             own = [k for k in on.tolist() if columns.parts[k] == name]
@@ -209,9 +214,13 @@ class MarginalFit:
 
         Those of several effects add up in squares.
         """
-        z = self.gram.coefficients(self.sizes)
         own = [k for k, part in enumerate(self.gram.columns.parts) if part == "shape"]
-        return SHAPE * float(np.sqrt(np.sum(z[own] ** 2) / (2 * FEW_SHAPE)))
+        return SHAPE * float(np.sqrt(np.sum(self._coefficients[own] ** 2) / (2 * FEW_SHAPE)))
+
+    @cached_property
+    def _coefficients(self) -> Reals:
+        """Most probable coefficient of each column, shape (C,)."""
+        return self.gram.coefficients(self.sizes)
 
     @property
     def values(self) -> dict[str, float]:

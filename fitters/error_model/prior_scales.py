@@ -6,6 +6,9 @@ Values are standard deviations of ln Z (or of ln of a constant) unless a unit is
 INSTRUMENT = 8e-4
 """Gain (ln |Z|) and phase (rad) errors of an analyzer. A 4294A specifies 7.5e-4 up to 1 MHz, plus 1e-3 per MHz
 above."""
+RARE = 0.05
+"""How rare an error of an instrument, a fixture or a build is that counts as unusual: in probability of more, or in
+density relative to the most frequent one."""
 SLOW, FAST = 1.0, 0.25
 """Correlation lengths in ln f of gain and phase: of a calibration error, and of fixture errors or ripple."""
 SWITCH = 0.5

@@ -17,14 +17,13 @@ from .error_sizes import GRIDS, ErrorSizes, Value, evaluated
 from .joint_descent import FURTHEST
 from .marginal_fit import MarginalFit
 from .point_covariance import Kernel
-from .prior_scales import IMAGINARY
+from .prior_scales import IMAGINARY, RARE
 
 SOURCES = ("noise", "instrument", "model", "dimensions", "assumptions")
 _INSTRUMENT = ("slow", "fast", "switch", "fixture")
 _UNSURE = ("tau", "slow", "fixture", "held")
 """Sizes over which an uncertainty is averaged: smooth errors of the instrument and of the constants describe much the
 same, but constants depend on which it is. Those of rough errors and of colour follow from the scatter of the points."""
-_ONE_IN_TWENTY = 0.05
 _NEGLIGIBLE = 1e-3
 """Probability relative to the most probable sizes below which others do not affect an uncertainty."""
 
@@ -206,7 +205,7 @@ def _plausible(squares: float, count: float) -> float:
 
     More is not its own: a wire of 9 nH is no residual of a compensated fixture.
     """
-    limit = float(chdtri(count, _ONE_IN_TWENTY))
+    limit = float(chdtri(count, RARE))
     return min(1.0, float(np.sqrt(limit / max(squares, limit))))
 
 

@@ -43,8 +43,6 @@ _MENTION = 0.9
 _WIDE, _GROSS, _PROMINENT = 40.0, 0.02, 0.01
 # Diameter/thickness above which a disk is a plate; RMS log error that radial overtones leave; part of the largest
 # conductance by which a maximum counts.
-_ONE_IN_TWENTY = 0.05
-# How rare the errors of an instrument are, relative to the most frequent ones, that count as unusual.
 _MISFIT = 1.5
 # chi2 per degree of freedom above which a misfit is reported: the noise estimate has a few per cent of uncertainty,
 # and 1600 residuals scatter by 3.5 %.
@@ -225,7 +223,7 @@ def verdict(
 
 def _left_beside_usual_errors(told: MarginalEstimate) -> float:
     """Return the rms of ln Z that neither constants nor usual errors explain; infinite if the errors are unusual."""
-    return rms_of(unexplained_at(told.found)) if told.found.log_usual > np.log(_ONE_IN_TWENTY) else np.inf
+    return rms_of(unexplained_at(told.found)) if told.found.has_usual_errors else np.inf
 
 
 def _rms_of_step(curves: Sequence[Curve], step: str) -> float:

@@ -9,6 +9,7 @@ from ....models.base.arrays import Impedances, Reals
 from ....models.sweep import Sweep
 from ....models.sweep_plan import Segment, SweepPlan
 from ...base.analyzer import Identity
+from ...base.per_point import gain_per_point, per_point
 from ..accuracy import gain_accuracy, relative_accuracy, relative_noise
 from ..capabilities import CAPABILITIES, HIGHEST_OSCILLATOR_V, LOWEST_OSCILLATOR_V
 from ..protocol.settings import CONDITIONS, Value
@@ -44,9 +45,9 @@ def record(raws: Sequence[RawSweep], segment: Segment, plan: SweepPlan, identity
         "ended": raws[-1].ended,
         "sweep_seconds": round(sum(raw.seconds for raw in raws), 3),
         "estimated_seconds": round(_estimated(f, bandwidth, got, plan), 3),
-        "noise_relative": _short(relative_noise(f, nonzero, bandwidth, level, averages)),
-        "accuracy_relative": _short(relative_accuracy(f, nonzero, bandwidth, level)),
-        "gain_accuracy_relative": _short(gain_accuracy(f, bandwidth, level), 5),  # steps of three digits would be seen
+        "noise_relative": per_point(relative_noise(f, nonzero, bandwidth, level, averages)),
+        "accuracy_relative": per_point(relative_accuracy(f, nonzero, bandwidth, level)),
+        "gain_accuracy_relative": gain_per_point(gain_accuracy(f, bandwidth, level)),
     }
     if len(raws) > 1:
         settings |= _of_parts(raws, whole.noise, whole.drift)
@@ -119,8 +120,3 @@ def _notes(parts: int, impedance: Impedances) -> tuple[str, ...]:
     if np.all(impedance.imag > 0):
         notes.append(INDUCTIVE)
     return tuple(notes)
-
-
-def _short(values: Reals, digits: int = 3) -> list[float]:
-    """Return the values to a few digits, as suits an estimate in a message."""
-    return [float(f"{value:.{digits}g}") for value in values]

@@ -138,7 +138,7 @@ class Hypothesis:
 
         Then they stand for something that is missing, and hide it.
         """
-        return self.astray or self.fit.log_usual < np.log(ASTRAY)
+        return self.astray or not self.fit.has_usual_errors
 
     @property
     def coarseness(self) -> float:

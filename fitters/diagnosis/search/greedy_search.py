@@ -261,9 +261,10 @@ class GreedySearch(FittedHypotheses):
         far = {promise.candidate for promise in lists[0] if promise.gain > SOFT}
         lost = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
         astray = [promises[0] for one, promises in chosen.items() if parent.astray and self._still_astray(parent, one)]
-        self.fit([self._from_the_build(parent, promise) for promise in astray])
+        self.fit([self._from_the_build(parent, promise.candidate, promise.start) for promise in astray])
         if parent.strained:
-            self.fit([self._both(parent, one) for one in self._best_alone(parent)])
+            alone = self._best_alone(parent)
+            self.fit([self._from_the_build(parent, one.effects[0], one.values, (one.fit.sizes,)) for one in alone])
         self.fit([plan for one, promises in lost.items() for plan in self._plans(parent, one, promises, like)])
 
     def _as_noise(self, promises: Sequence[ScreenedCandidate], parent: Hypothesis) -> Sequence[ScreenedCandidate]:
@@ -289,10 +290,17 @@ class GreedySearch(FittedHypotheses):
         made = self.found.get(frozenset((*parent.effects, one)))
         return made is None or made.astray
 
-    def _from_the_build(self, parent: Hypothesis, promise: ScreenedCandidate) -> Plan:
-        """Return the start of a fit from the build's values: the way there from the parent's may lead over a hill."""
-        values = {**self.problem.model.as_stated(parent.values), **promise.start}
-        return Plan((*parent.effects, promise.candidate), values, (parent.fit.sizes,), near=True, rounds=5)
+    def _from_the_build(
+        self, parent: Hypothesis, effect: Candidate, start: Mapping[str, float], sizes: tuple[ErrorSizes, ...] = ()
+    ) -> Plan:
+        """Return the start of a fit from the build's values: the way there from the parent's may lead over a hill.
+
+        `start`: values of the effect's parameters; others do not count.
+        """
+        own = {name: start[name] for name in effect.parameters if name in start}
+        values = {**self.problem.model.as_stated(parent.values), **own}
+        several = tuple(dict.fromkeys((parent.fit.sizes, *sizes)))
+        return Plan((*parent.effects, effect), values, several, near=True, rounds=5)
 
     def _best_alone(self, parent: Hypothesis) -> list[Hypothesis]:
         """Return the best hypotheses of one effect that has not been tried beside those of another hypothesis.
@@ -303,16 +311,6 @@ class GreedySearch(FittedHypotheses):
         possible = self._beside(parent)
         alone = [one for one in self.ranked if len(one.effects) == 1 and one.effects[0] in possible]
         return [one for one in alone if one.log_evidence > self.null.log_evidence][:SUBSTITUTES]
-
-    def _both(self, parent: Hypothesis, alone: Hypothesis) -> Plan:
-        """Return the start of a fit with one more effect, as large as it is alone, from the build's values."""
-        (effect,) = alone.effects
-        values = {
-            **self.problem.model.as_stated(parent.values),
-            **{name: alone.values[name] for name in effect.parameters},
-        }
-        sizes = tuple(dict.fromkeys((parent.fit.sizes, alone.fit.sizes)))
-        return Plan((*parent.effects, effect), values, sizes, near=True, rounds=5)
 
     def _near(self, near: Hypothesis, promise: ScreenedCandidate, parent: Hypothesis) -> Plan:
         """Return the start of a fit with one more effect from the minimum without it, or from another one near it."""
