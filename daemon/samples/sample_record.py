@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 from ...fitters.interface import Curve, FitResult
 from ...models.base.errors import PzctlError
+from ...models.base.names import likely_meant
 from ...models.build import Build
 from ...models.sweep import Sweep
 from ..client.result_waiter import fit_of
@@ -106,7 +106,7 @@ def _withdrawn(journal: JournalReader, name: str) -> Iterator[str]:
 def _unknown(journal: JournalReader, name: str) -> str:
     """Return the sentence about a name that the journal does not hold, with the names that it holds."""
     names = list(dict.fromkeys(measured.sample.name for measured in journal.measurements("state = 'measured'")))
-    close = get_close_matches(name, names, n=1)
+    close = likely_meant(name, names)
     if close:
         return f"sample {name!r}: the journal holds none; did you mean {close[0]!r}?"
     some = ", ".join(names[-8:]) or "no complete measurement"

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from difflib import get_close_matches
+from difflib import SequenceMatcher
 
 from .errors import PzctlError
 
@@ -17,8 +17,35 @@ def require(names: Sequence[str] | Mapping[str, float], known: Mapping[str, floa
 def among(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence on an unknown name: the available names, and the closest one if it is similar."""
     names = list(known)
-    near = get_close_matches(name, names, n=1)
+    near = likely_meant(name, names)
     return f"there are {', '.join(names) or 'none'}" + (f"; did you mean {near[0]!r}?" if near else "")
+
+
+_LEAST_LIKENESS = 0.65
+"""Share of letters in common: one wrong letter of three, or two of six, may be a slip of the hand."""
+_LEAST_PART = 3
+"""Letters of a name that may be a part of the one meant, which lacks its unit or its number."""
+
+
+def likely_meant(name: str, known: Iterable[str], most: int = 1) -> list[str]:
+    """Return at most `most` known names of which `name` may be a misspelling or a part, the most similar first.
+
+    Case, blanks and punctuation do not matter.
+    """
+    given = bare(name)
+    likeness: dict[str, float] = {}
+    for other in known:
+        plain = bare(other)
+        ratio = SequenceMatcher(None, plain, given).ratio()
+        shorter, longer = sorted((plain, given), key=len)
+        if ratio >= _LEAST_LIKENESS or (len(shorter) >= _LEAST_PART and shorter in longer):
+            likeness[other] = ratio
+    return sorted(likeness, key=lambda other: -likeness[other])[:most]
+
+
+def bare(name: str) -> str:
+    """Return the letters and digits of a name, in one case."""
+    return "".join(letter for letter in name.casefold() if letter.isalnum())
 
 
 LONGEST_NAME = 64

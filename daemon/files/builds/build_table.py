@@ -1,6 +1,5 @@
 """One table of build.toml, read key by key; every error names file, key, what was found and what is allowed."""
 
-import difflib
 import math
 import re
 import tomllib
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ....models.base.errors import PzctlError
+from ....models.base.names import likely_meant
 from ....models.build import Quantity
 from .file_keys import BELOW, LOSS_SIGN, POSITIVE, REAL, TIED, Entry, Key
 
@@ -76,8 +76,7 @@ class Table:
         names = list(allowed)
         for key in self.data:
             if key not in names:
-                alike = [name for name in names if name.casefold() == key.casefold()]
-                near = alike or difflib.get_close_matches(key, names, 1, 0.5)
+                near = likely_meant(key, names)
                 hint = f"did you mean {near[0]}? " if near else ""
                 raise self.error(shown(key)[1:-1], f"is not a known key; {hint}allowed here: {', '.join(names)}")
 

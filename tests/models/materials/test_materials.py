@@ -62,6 +62,8 @@ def test_every_value_has_a_source_and_is_passive(material):
 def test_an_unknown_name_gets_its_neighbours():
     with pytest.raises(MaterialError, match=r"'PZ72' is not known: did you mean Pz27.*pzctl materials"):
         find("PZ72")
+    with pytest.raises(MaterialError, match=r"'nope' is not known: `pzctl materials` lists them all"):
+        find("nope")
 
 
 # Ranges of kt and kp that makers of each Navy type print (American Piezo Ceramics, CTS)
