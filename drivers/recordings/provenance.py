@@ -71,11 +71,14 @@ def _value(text: str) -> Any:
 def read_provenance(page: TextFile, comments: Sequence[tuple[int, str]]) -> Provenance:
     """Read comment lines, given with line numbers and without comment sign. Raises RecordingError."""
     provenance = Provenance()
+    given: dict[str, list[tuple[int, Any]]] = {}
     for line, comment in comments:
         key, colon, text = comment.partition(":")
         key, value = key.strip(), _value(text.strip())
         if not colon or not key:
             continue  # a remark, for people only
+        given.setdefault(key, []).append((line, value))
+        _check_again(page, key, given[key])
         if key == "format":
             provenance.own = value == FORMAT
         elif key == "rows":
@@ -88,12 +91,33 @@ def read_provenance(page: TextFile, comments: Sequence[tuple[int, str]]) -> Prov
             provenance.notes.append(str(value))
         else:
             provenance.settings[key] = _checked(page, key, value, line)
+    provenance.notes += [note for key, values in given.items() if (note := _differing(key, values))]
     return provenance
+
+
+def _check_again(page: TextFile, key: str, given: Sequence[tuple[int, Any]]) -> None:
+    """Refuse a second, different value of a key that code uses, since nothing tells which one is right."""
+    (first, value), (line, other) = given[0], given[-1]
+    if other != value and key != "note" and (key in (*OWN, *NUMBERS, *PER_POINT) or key == "direction"):
+        raise page.error(line, f"{key} is {_clip(other)}, and {_clip(value)} in line {first}; keep the right one")
+
+
+def _differing(key: str, given: Sequence[tuple[int, Any]]) -> str:
+    """Return a note on a key, only kept for people, that has several values; an empty string if it has one."""
+    (first, value), (last, other) = given[0], given[-1]
+    if key == "note" or all(again == value for _, again in given):
+        return ""
+    said = f"{clipped(key)} is given {len(given)} times, first as {_clip(value)} (line {first})"
+    return f"{said}; the last one counts: {_clip(other)} (line {last})."
+
+
+def _clip(value: Any) -> str:
+    return clipped(str(value))
 
 
 def _count(page: TextFile, value: object, line: int) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise page.error(line, f"rows is {clipped(str(value))}; a whole number is needed")
+        raise page.error(line, f"rows is {_clip(value)}; a whole number is needed")
     return value
 
 
@@ -114,7 +138,7 @@ def setting_fault(key: str, value: Any) -> str:
         needed = "" if _are_positive(value) else _LIST
     else:
         needed = "" if key != "direction" or value in DIRECTIONS else "up or down"
-    return f"{key} is {clipped(str(value))}; {needed} is needed" if needed else ""
+    return f"{key} is {_clip(value)}; {needed} is needed" if needed else ""
 
 
 _LIST = "a list of positive numbers, one for each point,"

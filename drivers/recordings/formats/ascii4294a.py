@@ -85,6 +85,10 @@ def _parsed(page: TextFile) -> tuple[dict[str, str], dict[str, ExportTrace]]:
         if colon and len(cells) == 1:
             if key.strip() == "TRACE":
                 trace = traces.setdefault(value.strip(), ExportTrace())
+            elif trace is None and (known := header.get(key.strip().upper(), value.strip())) != value.strip():
+                raise page.error(
+                    n, f"{clipped(key.strip())} is {clipped(value.strip())!r} here, {clipped(known)!r} above; keep one"
+                )
             else:
                 header.setdefault(key.strip().upper(), value.strip())
         elif trace is None and line.startswith('"') and len(cells) == 1:

@@ -57,6 +57,17 @@ SEEDS = {"a.txt": EXPORT, "b.csv": KEYSIGHT, "c.csv": OWN, "d.s1p": TOUCHSTONE}
             HEAD + "1000,1,2\n2000,1e200,2\n",
             ", line 4: these numbers give |Z| = 1e+200 ohm, which no device has",
         ),
+        (
+            "a.csv",
+            "# bandwidth: 3\n" + HEAD + "1000,1,2\n",
+            ", line 2: bandwidth is 5, and 3 in line 1; keep the right",
+        ),
+        ("c.csv", "# rows: 2\n" + OWN.replace("rows: 2", "rows: 3"), ", line 3: rows is 3, and 2 in line 1; keep"),
+        (
+            "a.txt",
+            EXPORT.replace('"BW: 5"', '"BW: 5"\n"BW: 1"'),
+            ", line 11: BW is '1' here, '5' above; keep one",
+        ),
         ("a.csv", HEAD + "1000,1,2\n2000,0,1e-200\n", ", line 4: these numbers give |Z| = 1e-200 ohm, which no device"),
         ("a.csv", HEAD + "0.5,1,2\n15,1,2\n", ", line 3: frequencies end at 15 Hz, but analyzers measure from 40 Hz"),
         ("a.csv", "frequency_MHz,R_ohm,X_ohm\n1e6,1,2\n2e6,1,2\n", ", line 3: the frequency is 2e+12 Hz, beyond any"),

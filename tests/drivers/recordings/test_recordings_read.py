@@ -331,3 +331,12 @@ def test_an_impedance_analyzers_sweep_in_a_touchstone_file_is_none_of_a_network_
     file = tmp_path / "a.s1p"
     write_touchstone(Sweep(np.array([1e6, 2e6]), np.array([50 + 1j, 40 + 2j]), settings={"bandwidth": 5}), file)
     assert "accuracy_relative" not in read_recording(file).settings
+
+
+def test_several_values_of_a_key_for_people_are_noted(tmp_path):
+    head = "# operator: Ana\n# operator: Ana\n# batch: 7\n# operator: Ben\n# note: a\n# note: b\n# batch: 7\n"
+    (tmp_path / "disk.csv").write_text(head + "frequency_Hz,R_ohm,X_ohm\n1e6,1,-2\n2e6,1,-1\n")
+    sweep = read_recording(tmp_path / "disk.csv")
+    told = "operator is given 3 times, first as Ana (line 1); the last one counts: Ben (line 4)."
+    assert sweep.notes == ("a", "b", told)
+    assert sweep.settings["operator"] == "Ben"
