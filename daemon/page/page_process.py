@@ -15,6 +15,7 @@ from typing import IO, cast
 
 from ...models.base.errors import PzctlError
 from ...models.build import Build
+from ..files.builds.build_check import needed_plan
 from ..files.builds.build_file import read_build
 from ..files.worker_limits import allow_many_files
 from ..server.logs import begin_log
@@ -115,7 +116,7 @@ def served_beside(build: Path, port: int) -> Generator[str]:
     or a package is not installed, BuildError for the build.
     """
     check_installed()
-    read_build(build)
+    needed_plan(read_build(build), str(build))
     listen(_LOOPBACK, port, "--page-port takes another").close()
     process = start_child(
         "pzctl.daemon.page.page_process",

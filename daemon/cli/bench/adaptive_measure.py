@@ -2,8 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-from ..analysis.fit import UsageError
-
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -13,24 +11,21 @@ if TYPE_CHECKING:
     from ...client.client import Client
 
 
-def adapted_plan(lab: "Client", build: "Build", step: str, analyzer: str, console: "Console") -> "SweepPlan":
-    """Sweep the range of the build's plan quickly; return a plan adapted to the resonances seen.
+def adapted_plan(
+    lab: "Client", build: "Build", step: str, plan: "SweepPlan", analyzer: str, console: "Console"
+) -> "SweepPlan":
+    """Sweep the range of a plan quickly; return a plan adapted to the resonances seen.
 
-    Preliminary sweeps and adapted plan together take as long as the build's plan. The preliminary sweeps are ordinary
-    measurements and are kept in the journal. Raises UsageError if the build has no sweep plan, AdaptiveError if no
-    resonance is seen, DaemonError.
+    Preliminary sweeps and adapted plan together take as long as the given one. The preliminary sweeps are ordinary
+    measurements and are kept in the journal. Raises AdaptiveError if no resonance is seen, DaemonError.
     """
     from ....drivers import capabilities_of
     from ....drivers.planning.adaptive import adapted
 
-    if build.plan is None:
-        raise UsageError(f"--adaptive: build {build.name!r} has no [sweep]; its range and its duration are needed")
     (on,) = (one for one in lab.hello().analyzers if one.name == analyzer)
     can = capabilities_of(on.instrument.idn)
-    seconds = can.seconds(build.plan)
-    adaptation = adapted(
-        build.plan, seconds, lambda plan: lab.measure(build, step, plan, analyzer=analyzer).sweeps, can
-    )
+    seconds = can.seconds(plan)
+    adaptation = adapted(plan, seconds, lambda quick: lab.measure(build, step, quick, analyzer=analyzer).sweeps, can)
     points = sum(segment.points for segment in adaptation.plan.segments)
     console.print(
         f"{step}: {len(adaptation.looks)} preliminary sweep(s); {points} points in {len(adaptation.plan.segments)} "

@@ -120,6 +120,7 @@ def measure(
         return
     device = _device(build, limits, sample)
     names = _steps(device, step, repeat)
+    plan = _plan(device, build)
     pause = Pause(duration(every, "--every"))
     report = Report(device.name)
     with _kept_on_stop(report), _daemon(resource, analyzer, wanted, time_scale, screen) as (lab, on):
@@ -129,7 +130,8 @@ def measure(
             _prepare(lab, name, on, screen)
             for k in range(repeat):
                 pause.wait(screen, f"{name}: {k} of {repeat} measured")
-                _one_step(lab, notes.noted(device, name), name, on.name, wanted, screen, report, adaptive)
+                noted = notes.noted(device, name)
+                _one_step(lab, noted, name, on.name, wanted, screen, report, plan if adaptive else None)
                 if diagnoser is not None:
                     report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
         if diagnoser is None:
@@ -166,7 +168,7 @@ def _by_queue(
 
         def measure(entry: "QueuedStep") -> None:
             noted = notes.noted(entry.build, entry.step)
-            _one_step(lab, noted, entry.step, on.name, fitters, screen, report, adaptive=False)
+            _one_step(lab, noted, entry.step, on.name, fitters, screen, report)
 
         QueueRun(what_is_left(wanted, screen), screen).run(prepare, measure)
     return report
@@ -204,6 +206,13 @@ def _steps(device: "Build", step: str | None, repeat: int) -> list[str]:
     if repeat > 1 and step is None and len(names) > 1:
         raise UsageError(f"--repeat {repeat} needs --step; build {device.name!r} has the steps {', '.join(names)}")
     return [step] if step else names
+
+
+def _plan(device: "Build", build: Path | None) -> "SweepPlan":
+    """Return the plan of the build, before anything is started or glued. Raises BuildError."""
+    from ...files.builds.build_check import needed_plan
+
+    return needed_plan(device, str(build))
 
 
 def _exit_by_verdict(report: Report) -> None:
@@ -292,11 +301,12 @@ def _one_step(
     fitters: tuple[str, ...],
     console: "Console",
     report: Report,
-    adaptive: bool,
+    adapt: "SweepPlan | None" = None,
 ) -> None:
+    """Measure one step, with `adapt` by a plan adapted to it from that one, and show its fits."""
     from .adaptive_measure import adapted_plan
 
-    plan = adapted_plan(lab, build, step, analyzer, console) if adaptive else None
+    plan = adapted_plan(lab, build, step, adapt, analyzer, console) if adapt else None
     measurement = _sweep(lab, build, step, analyzer, plan, console)
     ended = time.perf_counter()
     report.measurements.append(

@@ -34,6 +34,7 @@ def page(
     from ...page.page_process import check_installed, listen, serve, tls_context
 
     check_installed()
+    from ...files.builds.build_check import needed_plan
     from ...files.builds.build_file import THESIS_BUILD, read_build
     from ...files.config import options, settings
     from ...page.page_guard import LEAST_TOKEN, is_loopback
@@ -53,6 +54,7 @@ def page(
         tls_context(*certificate)
     page_users = PageUsers(users) if users else None
     device = read_build(build or THESIS_BUILD)
+    needed_plan(device, str(build))
     screen = console(stderr=True)
     with listen(host, port, "--host and --port take another") as listener:  # before starting a daemon that stays
         if running() is None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from ....models.base.names import NameFault, check_name
 from ....models.build import Build, Step
 from ....models.metadata import MetadataError, check_metadata
-from ....models.sweep_plan import PlanError
+from ....models.sweep_plan import PlanError, SweepPlan
 from .build_table import BuildError
 from .effects_table import check_effects
 from .limits_table import check_limits
@@ -16,6 +16,14 @@ RESERVED = ("area", "back", "front", "lead")
 
 _BUILD_NAME = re.compile(r"\w(?:[\w +.-]*[\w+-])?")
 _NAME = re.compile(r"\w[\w+-]*")
+
+
+def needed_plan(build: Build, source: str) -> SweepPlan:
+    """Return how a transducer is to be measured. Raises BuildError, which calls the file `source`."""
+    if build.plan is None:
+        example = "segments = [ { start_MHz = 1, stop_MHz = 6, points = 801 } ]"
+        raise BuildError(f"{source}: the file has no [sweep], which says how to measure; write {example} there")
+    return build.plan
 
 
 def check_build(build: Build, source: str) -> None:

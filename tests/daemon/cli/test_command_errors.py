@@ -14,10 +14,9 @@ from typer.testing import CliRunner
 
 from pzctl.daemon import cli
 from pzctl.daemon.cli import app
-from pzctl.daemon.cli.bench.adaptive_measure import adapted_plan
 from pzctl.daemon.cli.records import export
 from pzctl.daemon.cli.records import report_command as report
-from pzctl.daemon.files.builds.build_file import THESIS_BUILD, parse_build, read_build
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build, read_build
 from pzctl.daemon.files.paths import home, keys_folder
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
@@ -121,18 +120,20 @@ def test_a_misspelt_name_is_wrong_usage_not_an_answer(here: Path) -> None:
     assert done.exception.exit_status == 2
 
 
+@pytest.mark.parametrize("words", ["measure", "measure --adaptive", "page", "daemon --page"])
+def test_a_build_without_a_plan_is_refused_before_anything_starts(here: Path, words: str) -> None:
+    (here / "x.toml").write_text(BUILD.read_text(encoding="utf-8").split("[sweep]", maxsplit=1)[0], encoding="utf-8")
+    done = CliRunner().invoke(app, [*words.split(), "--build", "x.toml"])
+    assert isinstance(done.exception, BuildError)
+    assert str(done.exception).startswith("x.toml: the file has no [sweep], which says how to measure; write segments")
+
+
 @pytest.mark.parametrize("words", [["page", "--port"], ["daemon", "--page-port"], ["sim", "--port"]], ids=" ".join)
 def test_an_impossible_port_is_refused_before_anything_starts(here: Path, words: list[str]) -> None:
     done = CliRunner().invoke(app, [*words, "80000"])
     assert done.exit_code == 2
     assert "65535" in done.output
     assert not (here / "home").exists()
-
-
-def without_plan() -> object:
-    text = BUILD.read_text(encoding="utf-8").split("[sweep]", maxsplit=1)[0]
-    nobody: Any = None
-    return adapted_plan(nobody, parse_build(text), "disk", "analyzer", nobody)
 
 
 def long_name() -> object:
@@ -208,7 +209,6 @@ def simulator_that_does_not_start() -> object:
 @pytest.mark.parametrize(
     ("work", "says"),
     [
-        (without_plan, "--adaptive: build 'thesis' has no [sweep]; its range and its duration are needed"),
         (long_name, "build.toml: name has 65 characters; at most 64 are allowed"),
         (huge_file, "huge.toml: 1000001 bytes is too large for a build.toml"),
         (picture_below_a_file, "disk.csv/fit.png: the picture cannot be written: "),
