@@ -7,7 +7,7 @@ from .base.analyzer import Analyzer, InstrumentError
 from .base.capabilities import Capabilities
 from .base.driver import Driver, InstrumentDriver, PrefixDriver
 from .visa import replies
-from .visa.resources import open_session, resource_name
+from .visa.resources import address_of, open_session, resource_name
 
 GROUP = "pzctl.analyzers"
 
@@ -16,8 +16,8 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
     """Open the analyzer at `resource` (see `resources.ALLOWED`), chosen by its prefix or by its answer to `*IDN?`.
 
     `timeout_seconds` limits a single answer; the wait for a sweep is computed from the plan. Raises InstrumentError for
-    an invalid resource, an unknown host, a refused connection, no answer, a missing VISA library, or an identification
-    that no installed analyzer has.
+    an invalid resource, an unknown host, a refused connection, no answer, a missing VISA library, an identification
+    that no installed analyzer has, or an analyzer that another program uses.
     """
     text = resource.strip()
     for driver in _working():
@@ -26,7 +26,7 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
     from .visa.connection import Connection
 
     name = resource_name(resource)
-    connection = Connection(text, lambda: open_session(name), timeout_seconds)
+    connection = Connection(text, lambda: open_session(name), timeout_seconds, address_of(name))
     try:
         return _identified(text, connection.ask("*IDN?").strip()).open(connection)
     except BaseException:

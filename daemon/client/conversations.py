@@ -7,8 +7,8 @@ import math
 import time
 import warnings
 from asyncio import CancelledError
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from ...fitters.interface import FitResult
@@ -17,7 +17,7 @@ from ...models.sweep_plan import SweepPlan
 from ..files.auto_diagnosis import DIAGNOSIS
 from ..wire.events import ProgressEvent, ReceivedEvent, StateEvent
 from ..wire.replies import JobAnswer, MissingEvents
-from ..wire.requests import DiagnoseRequest, FitRequest
+from ..wire.requests import DiagnoseRequest, FitRequest, MeasureRequest
 from ..wire.uuid7 import uuid7
 from .event_follower import EventFollower
 from .protocol import Conversation, DaemonError, Deliver, Stream, replay_page
@@ -32,6 +32,29 @@ class MissingEventsWarning(UserWarning):
 def warn_of(missing: MissingEvents) -> None:
     """Issue a warning about events that the journal no longer holds."""
     warnings.warn(missing.sentence, MissingEventsWarning, stacklevel=2)
+
+
+@contextmanager
+def _warning_of_bias(plan: SweepPlan | None) -> Generator[None]:
+    """Add to the error of a daemon that has gone that the bias of its measurement may still be on."""
+    try:
+        yield
+    except DaemonError as error:
+        if error.code != "unreachable" or plan is None or not plan.bias_V:
+            raise
+        biased = f"the bias of {plan.bias_V:g} V may still be on: switch it off at the analyzer, or start a daemon"
+        raise DaemonError(f"{error}; {biased}, which does it first", error.code) from None
+
+
+@contextmanager
+def _noted_on(stop: BaseException, plan: SweepPlan | None) -> Generator[None]:
+    """Add to what stops a measurement that it could not be cancelled, unless it has ended."""
+    try:
+        with _warning_of_bias(plan):
+            yield
+    except DaemonError as error:
+        if error.code == "unreachable":
+            stop.add_note(f"the measurement could not be cancelled: {error}")
 
 
 class Conversations(Questions):
@@ -90,17 +113,28 @@ class Conversations(Questions):
         DaemonError with the daemon's sentence if the measurement failed or was cancelled.
         """
         follower = yield from self._follow()
-        measurement = yield from self.begin(
-            build, step, plan, priority=priority, lease=lease, decides=decides, analyzer=analyzer
+        request = MeasureRequest(
+            id=uuid7(),
+            build=build,
+            step=step,
+            plan=plan,
+            priority=priority,
+            lease=lease,
+            decides=decides,
+            analyzer=analyzer,
         )
-        waiter = MeasurementWaiter(measurement, progress)
-        try:
-            while (measured := waiter.measurement) is None:
-                waiter.take((yield from follower.receive(math.inf)))
-        except (KeyboardInterrupt, CancelledError):
-            with suppress(DaemonError):  # it may have ended meanwhile
-                yield from self.cancel(measurement)
-            raise
+        measurement: str | None = None
+        with _warning_of_bias(plan or build.plan):
+            try:
+                measurement = yield from self.begun(request)
+                waiter = MeasurementWaiter(measurement, progress)
+                while (measured := waiter.measurement) is None:
+                    waiter.take((yield from follower.receive(math.inf)))
+            except (KeyboardInterrupt, CancelledError) as stop:
+                with _noted_on(stop, plan or build.plan):
+                    # Where the answer was not awaited, the same request is answered with the id of its measurement.
+                    yield from self.cancel(measurement or (yield from self.begun(request)))
+                raise
         return measured
 
     def wait_fit(self, fitter: str, measurement: str, patience: float = 120.0) -> Conversation[FitResult]:

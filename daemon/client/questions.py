@@ -100,6 +100,10 @@ class Questions:
             decides=decides,
             analyzer=analyzer,
         )
+        return (yield from self.begun(request))
+
+    def begun(self, request: ask.MeasureRequest) -> Conversation[str]:
+        """Send a request for a measurement, once or again, and return its id."""
         return (yield from self.answer_to(request, reply.MeasureAnswer)).measurement
 
     def cancel(self, measurement: str | None = None, analyzer: str | None = None) -> Conversation[None]:

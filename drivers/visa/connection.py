@@ -17,6 +17,7 @@ from pyvisa.errors import InvalidSession
 
 from ..base.analyzer import InstrumentError
 from . import replies, service_request
+from .instrument_lock import lock_instrument
 from .session import Session, hung_up, prepared, readable
 
 SLICE_SECONDS = 0.25
@@ -38,7 +39,13 @@ class Connection:
     Every failure is an InstrumentError whose sentence starts with `name`.
     """
 
-    def __init__(self, name: str, opener: Callable[[], Session], timeout_seconds: float) -> None:
+    def __init__(
+        self, name: str, opener: Callable[[], Session], timeout_seconds: float, address: str | None = None
+    ) -> None:
+        """`address`: that of the instrument, which is locked against other programs until `close`; None: no lock.
+
+        Raises InstrumentError.
+        """
         self.name = name
         """The instrument's name for people: the resource string."""
         self.timeout_seconds = timeout_seconds
@@ -46,10 +53,23 @@ class Connection:
         self._opener = opener
         self._buffer = bytearray()
         self._doubtful = False
-        self._open()
+        self._lock = lock_instrument(address, name) if address is not None else None
+        try:
+            self._open()
+        except BaseException:
+            self._release()
+            raise
 
     def close(self) -> None:
-        """Close the session."""
+        """Close the session and release the instrument."""
+        self._close_session()
+        self._release()
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            self._lock.close()
+
+    def _close_session(self) -> None:
         for resource in (self._resource, self._bridge):
             if resource is not None:
                 with contextlib.suppress(VisaIOError, OSError, InvalidSession):
@@ -170,7 +190,7 @@ class Connection:
     def _renew(self) -> None:
         """Open a new session, and on GPIB clear the device, so that answers match messages. Raises InstrumentError."""
         self._buffer.clear()
-        self.close()
+        self._close_session()
         self._open()
         if self._is_gpib:
             self._guarded("device clear", self._resource.clear)

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..base.analyzer import InstrumentError
 from .connection import Connection
-from .resources import open_session, resource_name
+from .resources import address_of, open_session, resource_name
 
 LIBRARIES = {"@py": "pyvisa-py", "@ivi": "a vendor's VISA library"}
 
@@ -85,7 +85,8 @@ def discover(list_seconds: float = 10.0, answer_seconds: float = 2.0) -> Discove
 def identity_of(resource: str, seconds: float) -> dict[str, str]:
     """Return `{"idn": ...}`, or `{"error": ...}` with one sentence. Call it in a child process, as it may hang."""
     try:
-        connection = Connection(resource, lambda: open_session(resource_name(resource)), seconds)
+        name = resource_name(resource)
+        connection = Connection(resource, lambda: open_session(name), seconds, address_of(name))
     except InstrumentError as error:
         return {"error": str(error)}
     try:

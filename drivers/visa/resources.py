@@ -37,6 +37,7 @@ _PROLOGIX = re.compile(
 )
 _USB = re.compile(r"USB\d*(::(0x[0-9A-F]{1,4}|\d{1,5})){2}::[^:\s]+(::\d+)?::INSTR", re.IGNORECASE)
 _NETWORK = re.compile(r"(?:TCPIP|PRLGX-TCPIP)\d*::([^:,\s]+)::(\d{1,5})::(?:SOCKET|INTFC)", re.IGNORECASE)
+_NETWORK_HOST = re.compile(r"(?:TCPIP\d*|PROLOGIX)::([A-Z0-9][\w.-]*)", re.IGNORECASE)
 _GATEWAY = re.compile(r"TCPIP\d*::[^:,\s]+::gpib\d+,\d{1,2}::INSTR", re.IGNORECASE)
 
 
@@ -80,6 +81,19 @@ def _canonical(given: str) -> str:
         return to_canonical_name(name).upper()
     except InvalidResourceName:  # a Prologix adapter
         return name.upper()
+
+
+def address_of(name: str) -> str:
+    """Return the only form of the address `name`, a result of `resource_name`, with its host as a number."""
+    canonical = _canonical(name)
+    network = _NETWORK_HOST.match(canonical)
+    if network is None:
+        return canonical
+    try:
+        host = socket.gethostbyname(network[1])
+    except (OSError, UnicodeError):  # it is refused when the session is opened
+        host = network[1]
+    return f"{canonical[: network.start(1)]}{host}{canonical[network.end(1) :]}"
 
 
 def open_session(name: str) -> "Session":

@@ -179,10 +179,11 @@ def _kept_on_stop(report: Report) -> "Generator[None]":
     """Say on Ctrl-C which measurements are complete."""
     try:
         yield
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         times = Counter(f"{one['sample']} {one['step']}" for one in report.measurements)
         kept = ", ".join(f"{name} ({n} times)" if n > 1 else name for name, n in times.items())
-        raise KeyboardInterrupt(f"kept in the journal: {kept}" if kept else "no measurement was complete") from None
+        says = f"kept in the journal: {kept}" if kept else "no measurement was complete"
+        raise KeyboardInterrupt("; ".join([says, *getattr(stop, "__notes__", ())])) from None
 
 
 def _device(build: Path | None, limits: Path | None, sample: str | None) -> "Build":
@@ -279,9 +280,10 @@ def _daemon(
                 require(name, states)  # before anything is swept
             yield lab, on
         finally:
-            if started and simulated:
+            alive = started and running() is not None  # it may have been killed in the meantime
+            if alive and simulated:
                 lab.shutdown()
-            elif started and running() is not None:  # it may have been killed in the meantime
+            elif alive:
                 console.print("the daemon keeps running; end it with `pzctl daemon --stop`", style="dim")
 
 

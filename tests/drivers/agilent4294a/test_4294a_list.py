@@ -77,7 +77,8 @@ def test_a_table_in_use_is_not_changed(sim):
     wire = open_analyzer(sim.resource)
     ask = wire._link.ask
     ask("HOLD;EDITLIST;SADD;STAR 1E6;STOP 2E6;POIN 7;SDON;EDITDONE;SWPT LIST;SWPT?")
-    assert measured(sim).settings["no_list_sweep"] == "its list-sweep table is in use"
+    (sweep,) = wire.measure(JOINED)
+    assert sweep.settings["no_list_sweep"] == "its list-sweep table is in use"
     assert ask("SWPT?") == "LIST"
     assert ask("POIN?") == "7"
     wire.close()

@@ -1,0 +1,83 @@
+"""A daemon that is killed while it measures may leave a bias on: whoever waits is told, in one sentence."""
+
+from dataclasses import replace
+
+import pytest
+
+from pzctl.daemon.client import event_follower
+from pzctl.daemon.client.conversations import Conversations
+from pzctl.daemon.client.protocol import Ask, DaemonError, Hear, Underway
+from pzctl.daemon.client.result_waiter import Measurement
+from pzctl.daemon.wire.events import WELCOME, InstrumentInfo
+from pzctl.daemon.wire.frames import to_json
+from pzctl.daemon.wire.replies import HelloAnswer, MeasureAnswer
+from pzctl.models.build import Build
+
+BIASED = "; the bias of 5 V may still be on: switch it off at the analyzer, or start a daemon, which does it first"
+GONE = "daemon at E: silent for 0 s; it has ended or hangs"
+NO_ANSWER = "daemon at R: no answer in 4 tries of 5 s; is it running?"
+
+
+def measuring(build: Build, bias_V: float) -> Underway[Measurement]:
+    """Return a measurement up to its request."""
+    assert build.plan is not None
+    underway = Underway(Conversations("E", "R").measure(build, "disk", replace(build.plan, bias_V=bias_V)))
+    hello = HelloAnswer(
+        id="1", wire=1, version="1", pid=1, run="", seq=3, events="", requests="", bench=None, fitters=(),
+        instrument=InstrumentInfo("R", "", "4294A", "", "", simulated=False),
+    )  # fmt: skip
+    for outcome in ([to_json(hello)], None, [WELCOME]):
+        underway.go_on(outcome)
+    assert isinstance(underway.step, Ask)
+    return underway
+
+
+def begin(underway: Underway[Measurement]) -> None:
+    assert isinstance(underway.step, Ask)
+    underway.go_on([to_json(MeasureAnswer(id=underway.step.request, measurement="M"))])
+    assert isinstance(underway.step, Hear)
+
+
+def nobody_answers(underway: Underway[Measurement]) -> None:
+    for _ in range(4):
+        assert isinstance(underway.step, Ask)
+        underway.go_on(None)
+
+
+@pytest.mark.parametrize(("bias_V", "says"), [(5.0, GONE + BIASED), (0.0, GONE)])
+def test_a_daemon_that_falls_silent(monkeypatch: pytest.MonkeyPatch, build: Build, bias_V: float, says: str) -> None:
+    monkeypatch.setattr(event_follower, "SILENCE", 0.0)
+    underway = measuring(build, bias_V)
+    begin(underway)
+    with pytest.raises(DaemonError) as gone:
+        underway.go_on(None)
+    assert str(gone.value) == says
+
+
+def test_a_daemon_that_does_not_answer_the_request_may_have_begun(build: Build) -> None:
+    underway = measuring(build, 5.0)
+    with pytest.raises(DaemonError) as gone:
+        nobody_answers(underway)
+    assert str(gone.value) == NO_ANSWER + BIASED
+
+
+def test_ctrl_c_where_nothing_can_be_cancelled(build: Build) -> None:
+    underway = measuring(build, 5.0)
+    begin(underway)
+    underway.fail(KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        nobody_answers(underway)
+    assert stopped.value.__notes__ == [f"the measurement could not be cancelled: {NO_ANSWER}{BIASED}"]
+
+
+def test_ctrl_c_before_the_answer_cancels_what_has_begun(build: Build) -> None:
+    underway = measuring(build, 0.0)
+    assert isinstance(underway.step, Ask)
+    request = underway.step.frames
+    underway.fail(KeyboardInterrupt())
+    assert isinstance(underway.step, Ask)
+    assert underway.step.frames == request, "which is carried out once only"
+    underway.go_on([to_json(MeasureAnswer(id=underway.step.request, measurement="M"))])
+    assert isinstance(underway.step, Ask)
+    assert b'"cancel"' in underway.step.frames[0]
+    assert b'"M"' in underway.step.frames[0]
