@@ -22,15 +22,16 @@ from starlette.types import Scope
 from ...drivers.recordings import csv_text
 from ...fitters.population.conformity import judged
 from ...models.base.errors import PzctlError
+from ...models.base.names import LONGEST_NAME
 from ...models.build import Build, Quantity
-from ...models.metadata import check_metadata
+from ...models.metadata import MetadataError, check_metadata
 from ..client.protocol import DaemonError
 from ..files.config import settings
 from ..files.paths import home
 from ..report.document.html_report import report_html
 from ..report.pictures.svg_pictures import svg_of
 from ..report.tables.verdict_table import verdict_json
-from ..samples.measurement_notes import noted_build
+from ..samples.measurement_notes import HEAVIEST_GRAMS, noted_build
 from ..samples.process_chart import process_chart
 from ..samples.sample_record import SampleRecord, sample_record
 from ..samples.sample_selection import NoSamplesError, open_journal
@@ -147,24 +148,32 @@ def _failed(_: Request, error: Exception) -> Response:
     return JSONResponse({"error": f"a defect of pzctl, see the page's log: {error!r}"}, 500)
 
 
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_NAME)]
+
+
 class BalanceMass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A mass from the balance."""
 
-    value: Annotated[float, msgspec.Meta(gt=0)]
+    value: Annotated[float, msgspec.Meta(gt=0, lt=HEAVIEST_GRAMS)]
     """Grams."""
     u: Annotated[float, msgspec.Meta(gt=0)]
-    """Standard uncertainty of the balance, grams."""
+    """Standard uncertainty of the balance, grams; less than `value`."""
+
+    def __post_init__(self) -> None:
+        """Refuse a mass that the balance does not know, as the command line does."""
+        if self.u >= self.value:
+            raise ValueError(f"the uncertainty is {self.u:g} g and the mass {self.value:g} g; it has to be less")
 
 
 class MeasureCommand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A measurement of one step."""
 
-    step: str
+    step: Name
     metadata: dict[str, str | float] = {}
     """What to note with it: `operator`, `temperature_C`, `batch`, `barcode`, and any other key."""
     mass_g: BalanceMass | None = None
     """Mass of all layers of this step; a datum of the density."""
-    analyzer: str | None = None
+    analyzer: Name | None = None
     """Name of the analyzer, if the daemon has several; default: the first."""
 
 
@@ -222,11 +231,13 @@ def _attachment(name: str) -> dict[str, str]:
 
 
 async def _in_thread(work: Callable[[A, PageUser], Response], argument: A, user: PageUser) -> Response:
-    """Answer from a thread; an error becomes one sentence with status 404 or 409, a defect one with status 500."""
+    """Answer from a thread; an error becomes one sentence with status 400, 404 or 409, a defect one with status 500."""
     try:
         return await run_in_threadpool(work, argument, user)
     except DaemonError as error:
         return JSONResponse({"error": _sentence(error)}, 409)
+    except MetadataError as error:
+        return JSONResponse({"error": f"request: {error}"}, 400)
     except PzctlError as error:
         return JSONResponse({"error": str(error)}, 404)
     except Exception as error:

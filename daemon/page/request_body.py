@@ -4,7 +4,9 @@ Clients that can send only the fields of a form, as Octave's `webwrite` does, ma
 """
 
 import asyncio
-from typing import TypeVar
+import json
+from collections.abc import Sequence
+from typing import Any, TypeVar
 from urllib.parse import parse_qsl
 
 import msgspec
@@ -49,13 +51,25 @@ async def read_body(request: Request, expected: type[T]) -> T:
         raise BodyError("request: the connection ended before its body did") from None
     try:
         if _is_form(request, text):
-            fields = dict(parse_qsl(text.decode(), keep_blank_values=True, strict_parsing=True))
+            fields = _once_each(parse_qsl(text.decode(), keep_blank_values=True, strict_parsing=True))
             return msgspec.convert(fields, expected, strict=False)
-        return msgspec.json.decode(text or b"{}", type=expected)
+        decoded = msgspec.json.decode(text or b"{}", type=expected)
+        json.loads(text or b"{}", object_pairs_hook=_once_each)  # msgspec would take the last one without a word
+        return decoded
     except msgspec.ValidationError as error:
         raise BodyError(f"request: {error}") from None
     except (ValueError, UnicodeDecodeError) as error:  # msgspec.DecodeError is a ValueError
         raise BodyError(f"request: its body is not a JSON object: {error}") from None
+
+
+def _once_each(fields: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the fields of an object. Raises BodyError for one that is given twice: nothing tells which is meant."""
+    known: dict[str, Any] = {}
+    for name, value in fields:
+        if name in known:
+            raise BodyError(f"request: the field {name[:60]!r} is given twice; give it once")
+        known[name] = value
+    return known
 
 
 def _is_form(request: Request, text: bytes) -> bool:

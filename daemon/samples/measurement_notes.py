@@ -18,6 +18,9 @@ from .sample_selection import NoSamplesError, open_journal
 GROUP = "pzctl.readers"
 
 
+HEAVIEST_GRAMS = 1e6
+
+
 class ReaderError(PzctlError):
     """A reader of metadata is not installed, or failed."""
 
@@ -70,6 +73,6 @@ def mass_of(text: str) -> Quantity:
     """Return the mass (kg) that was typed as `GRAMS:UNCERTAINTY`, also with decimal commas. Raises ValueError."""
     value, _, u = text.replace(",", ".").partition(":")
     grams, uncertainty = float(value), float(u)
-    if not (0 < grams < 1e6 and 0 < uncertainty < grams):
+    if not (0 < grams < HEAVIEST_GRAMS and 0 < uncertainty < grams):
         raise ValueError(text)
     return Quantity(grams / 1e3, u=uncertainty / 1e3, source="balance")

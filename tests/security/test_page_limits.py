@@ -44,6 +44,13 @@ def _home(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         (b'{"step": 7}', "Expected `str`, got `int`"),
         (b"{}", "missing required field `step`"),
         (b'{"step": "disk", "token": 1}', "unknown field `token`"),
+        (b'{"step": "disk", "step": "ml1"}', "the field 'step' is given twice; give it once"),
+        (b'{"step": "disk", "metadata": {"batch": "1", "batch": "2"}}', "the field 'batch' is given twice"),
+        (b'{"step": ""}', "Expected `str` of length >= 1 - at `$.step`"),
+        (b'{"step": "disk", "analyzer": ""}', "Expected `str` of length >= 1 - at `$.analyzer`"),
+        (b'{"step": "disk", "metadata": {"temperature_C": "warm"}}', "temperature_C is 'warm'; a number is needed"),
+        (b'{"step": "disk", "mass_g": {"value": 1, "u": 1}}', "the uncertainty is 1 g and the mass 1 g; it has to be"),
+        (b'{"step": "disk", "mass_g": {"value": 1e300, "u": 1}}', "at `$.mass_g.value`"),
     ],
 )
 def test_every_malformed_body_is_answered_400_with_one_sentence(body: bytes, says: str) -> None:
@@ -51,6 +58,12 @@ def test_every_malformed_body_is_answered_400_with_one_sentence(body: bytes, say
     assert status == 400
     assert says in json.loads(answer)["error"]
     assert len(answer.splitlines()) == 1
+
+
+def test_a_field_that_a_form_gives_twice_is_refused() -> None:
+    form = {"content-type": "application/x-www-form-urlencoded"}
+    status, _, answer = ask("/api/measure", method="POST", body=b"step=disk&step=ml1", **form, **OWN)
+    assert (status, json.loads(answer)["error"]) == (400, "request: the field 'step' is given twice; give it once")
 
 
 @pytest.mark.parametrize(
