@@ -73,7 +73,10 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     Raises FitError if task, build and sweeps do not match, TaskError also if one recording is given twice.
     """
     if task.build is None:
-        raise TaskError("a stack can only be fitted with a build file; only `bvd` needs none")
+        raise TaskError(
+            "a stack can only be fitted with a build file: give --build (`pzctl new` writes one), or fit an unknown "
+            "device by --fitter bvd, which needs none"
+        )
     known = [step.name for step in task.build.steps]
     for step in task.sweeps:
         if step not in known:

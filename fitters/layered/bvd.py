@@ -71,7 +71,7 @@ def _starts(sweep: Sweep) -> list[Lumped]:
     if not circuits:
         raise FitError(
             f"{name} is not capacitive: a piezoelectric device beside its resonances is a capacitor, so the polarity "
-            "or the wiring is wrong"
+            "or the wiring is wrong, or this is another device"
         )
     return circuits
 

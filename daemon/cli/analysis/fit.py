@@ -28,7 +28,8 @@ def parse_recordings(given: list[str]) -> dict[str, list[Path]]:
     for word in given:
         step, equals, file = word.partition("=")
         if not (step and equals and file):
-            raise UsageError(f"{word!r} is not STEP=FILE, for example disk=disk.csv")
+            example = f"disk={word}" if word and not equals else "disk=disk.csv"
+            raise UsageError(f"{word!r} is not STEP=FILE; say of which step it is the recording, for example {example}")
         if Path(file) in files.get(step, ()):
             raise UsageError(f"{word} is given twice; a repeat is another sweep of the same step, in a file of its own")
         files.setdefault(step, []).append(Path(file))
