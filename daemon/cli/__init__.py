@@ -1,5 +1,6 @@
 """The command line: one module per command. Commands import what they need when they run, so that `--help` is fast."""
 
+import errno
 import inspect
 import os
 import sys
@@ -148,8 +149,16 @@ def main() -> None:
         sys.exit(1)
 
 
+_NO_ROOM = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+
+
 def _unexpected(error: Exception) -> str:
-    """Return the sentence for an error that only a mistake in pzctl can raise; its traceback goes into a file."""
+    """Return the sentence for an error that only a mistake in pzctl can raise; its traceback goes into a file.
+
+    A full disk, or full standard output, is nobody's mistake and can show itself anywhere.
+    """
+    if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        return shown(f"{error.filename or 'the output'}: cannot be written: {error.strerror}")
     import traceback
 
     from ..files.paths import home, log_file

@@ -6,6 +6,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict
+from pathlib import Path
 from typing import IO, cast
 
 import msgspec
@@ -68,6 +69,15 @@ def start(options: DaemonOptions | None = None) -> Location:
     with suppress(BrokenPipeError), cast("IO[bytes]", process.stdin) as stdin:
         stdin.write(to_json(asdict(wanted)))  # arguments would show a URL's password to every user of this machine
     threading.Thread(target=process.wait, daemon=True).start()  # leaves no zombie if it ends before this process
+    try:
+        return _answering(process, deadline, log)
+    except KeyboardInterrupt:  # nobody would know of it
+        process.terminate()
+        raise
+
+
+def _answering(process: "subprocess.Popen[bytes]", deadline: float, log: Path) -> Location:
+    """Return the location of a daemon that was started, or of another one, once it answers. Raises DaemonError."""
     while time.monotonic() < deadline:
         location = find(home())
         if location is not None and location.pid == process.pid and (present := running()) is not None:
@@ -79,6 +89,15 @@ def start(options: DaemonOptions | None = None) -> Location:
         time.sleep(0.05)
     process.terminate()
     raise DaemonError(f"daemon: no answer within {PATIENCE:g} s of its start (log: {log})", "not-started")
+
+
+def last_words(location: Location, since: float) -> str:
+    """Return why a daemon in the background has ended after `since` (Unix time, s); "" if it did not say so."""
+    log = Path(location.log)
+    if not log.exists() or log.stat().st_mtime < since:
+        return ""
+    line = last_line(log)
+    return "" if line[:4].isdigit() or line.startswith("{") else line  # an entry of the log, as text or JSON
 
 
 def main() -> None:

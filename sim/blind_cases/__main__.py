@@ -59,5 +59,8 @@ if __name__ == "__main__":
     try:
         jobs = int(numbers[2]) if len(numbers) > 2 else 2
         print(main(Path(target), int(numbers[0]), int(numbers[1]), jobs, numbers[3] if len(numbers) > 3 else "ideal"))
+    except OSError as error:  # a full disk
+        print(f"{error.filename or target}: the cases cannot be written: {error.strerror}", file=sys.stderr)
+        sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ....models.build import Build
     from ....models.sweep_plan import SweepPlan
     from ...client.client import Client
+    from ...client.location import Location
     from ...client.result_waiter import Measurement
     from ...files.measurement_queue import QueuedStep
     from ...wire.replies import AnalyzerState
@@ -247,6 +248,7 @@ def _daemon(
     from ...files.config import options, settings
     from ...server.launch import running, start
 
+    begun = time.time()
     place = running()
     started = place is None
     for name in fitters if started else ():
@@ -271,7 +273,7 @@ def _daemon(
                 f"the running daemon owns {owned}, not {resource}; end it with `pzctl daemon --stop`", "owner"
             )
         analyzer = analyzer or found
-    with connect(place.events, place.requests) as lab:
+    with connect(place.events, place.requests) as lab, _reason_told(place, begun):
         try:
             on = _analyzer(lab, analyzer)
             console.print(f"instrument: {on.instrument.name}", style="dim", highlight=False, soft_wrap=True)
@@ -285,6 +287,21 @@ def _daemon(
                 lab.shutdown()
             elif alive:
                 console.print("the daemon keeps running; end it with `pzctl daemon --stop`", style="dim")
+
+
+@contextmanager
+def _reason_told(place: "Location", begun: float) -> "Generator[None]":
+    """Add to the error of a daemon that has ended since `begun` (Unix time, s) why it ended, if it said so."""
+    from ...client.protocol import DaemonError
+    from ...server.launch import last_words, running
+
+    try:
+        yield
+    except DaemonError as error:
+        reason = last_words(place, begun) if error.code == "unreachable" and running() is None else ""
+        if not reason:
+            raise
+        raise DaemonError(f"{error}; its last words: {reason}", error.code) from None
 
 
 def _analyzer(lab: "Client", name: str | None) -> "AnalyzerState":

@@ -1,11 +1,13 @@
 """Error sentences of the command line and the layers under it, each without a daemon: what, where, found, allowed."""
 
+import errno
 import os
 import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -317,6 +319,22 @@ def test_a_file_that_cannot_be_written(here: Path) -> None:
     answers = "\n".join(("S1", "16", "Pz27", "0.5", "0.001", "n", "air", "air"))
     done = CliRunner().invoke(app, ["new", "file/build.toml"], input=answers)
     assert str(done.exception) == "file/build.toml: cannot be written: Not a directory"
+
+
+@pytest.mark.parametrize(
+    ("error", "says"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "the output: cannot be written: No space left on device"),
+        (OSError(errno.EFBIG, "File too large", "x.csv"), "x.csv: cannot be written: File too large"),
+    ],
+)
+def test_a_full_disk_is_no_mistake_in_pzctl(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: OSError, says: str
+) -> None:
+    monkeypatch.setattr(cli, "app", mock.Mock(side_effect=error))
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert (ended.value.code, capsys.readouterr().err) == (1, f"pzctl: {says}\n")
 
 
 def test_an_internal_error_is_one_sentence_and_its_traceback_is_in_a_file(

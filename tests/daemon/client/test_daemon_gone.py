@@ -1,13 +1,18 @@
 """A daemon that is killed while it measures may leave a bias on: whoever waits is told, in one sentence."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from rich.console import Console
 
+from pzctl.daemon.cli.bench import measure
 from pzctl.daemon.client import event_follower
 from pzctl.daemon.client.conversations import Conversations
+from pzctl.daemon.client.location import Location
 from pzctl.daemon.client.protocol import Ask, DaemonError, Hear, Underway
 from pzctl.daemon.client.result_waiter import Measurement
+from pzctl.daemon.server.launch import last_words
 from pzctl.daemon.wire.events import WELCOME, InstrumentInfo
 from pzctl.daemon.wire.frames import to_json
 from pzctl.daemon.wire.replies import HelloAnswer, MeasureAnswer
@@ -81,3 +86,28 @@ def test_ctrl_c_before_the_answer_cancels_what_has_begun(build: Build) -> None:
     assert isinstance(underway.step, Ask)
     assert b'"cancel"' in underway.step.frames[0]
     assert b'"M"' in underway.step.frames[0]
+
+
+def test_the_last_words_of_a_daemon_that_has_ended_are_told(start_daemon) -> None:
+    log = Path(start_daemon().log)
+
+    def story() -> None:
+        with measure._daemon(None, None, (), None, Console(quiet=True)) as (lab, _):
+            lab.shutdown()
+            log.parent.mkdir(exist_ok=True)
+            log.write_text("2026-11-29 01:23:29,252 INFO measuring\njournal: no room\n", encoding="utf-8")
+            raise DaemonError(GONE)
+
+    with pytest.raises(DaemonError) as gone:
+        story()
+    assert str(gone.value) == f"{GONE}; its last words: journal: no room"
+
+
+def test_a_daemon_that_was_killed_has_no_last_words(tmp_path: Path) -> None:
+    log = tmp_path / "daemon.log"
+    where = Location(1, "", "", "", "", "", None, str(log))
+    assert last_words(where, 0.0) == ""
+    log.write_text("2026-11-29 01:23:29,252 INFO measuring\n", encoding="utf-8")
+    assert last_words(where, 0.0) == ""
+    log.write_text("no room\n", encoding="utf-8")
+    assert (last_words(where, 0.0), last_words(where, 1e12)) == ("no room", "")

@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,3 +157,14 @@ def test_a_cable_of_undetectable_capacitance_may_be_called_a_lead() -> None:
         cable = path_effect("cable", ("disk",), 12.0, delay=delay)
         (told,) = with_alternative_names(Scenario(device, (cable,)), sweeps)
         assert told.accept == names
+
+
+@pytest.mark.system
+def test_cases_that_cannot_be_written_are_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    words = [sys.executable, "-P", "-m", "pzctl.sim.blind_cases", str(tmp_path / "file" / "proof"), "1", "1", "1"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(str(tmp_path / "file"))
+    assert done.stderr.endswith(": the cases cannot be written: Not a directory\n")
+    assert done.stderr.count("\n") == 1
