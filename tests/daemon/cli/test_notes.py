@@ -134,7 +134,7 @@ def test_notes_of_a_build_file_and_of_the_page(tmp_path: Path, monkeypatch: pyte
         parse_build(text + '[measurement]\ntemperature_C = "warm"\n')
     body = json.dumps({"step": "disk", "metadata": {"operator": "a\nb"}}).encode()
     status, _, answer = ask("/api/measure", method="POST", body=body, origin="http://127.0.0.1:8294")
-    assert (status, b"metadata.operator" in answer) == (404, True)
+    assert (status, b"metadata.operator" in answer) == (400, True)
 
 
 @pytest.mark.parametrize(
