@@ -26,7 +26,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = THESIS_BUILD.read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("build") / "build.toml"
     (wider,) = re.findall(r"\n +\{ start_MHz = 0\.5.*", text)
-    path.write_text(text.replace(wider, "").replace("points = 801", "points = 101"), encoding="utf-8")
+    path.write_text(text.replace(wider, "").replace("points = 801", "points = 41"), encoding="utf-8")
     return path
 
 
