@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 from scipy.optimize import brentq
 
 from ...models.base.arrays import Reals
@@ -45,7 +45,7 @@ def random_effects(x: Reals, u: Reals) -> RandomEffects:
     `u` must be all positive, or all 0: then `tau` is the plain standard deviation and `mean` the plain mean.
     """
     dof = x.size - 1
-    low, high = (float(stats.chi2.ppf(chance, dof)) for chance in (0.975, 0.025))
+    low, high = (float(special.chdtri(dof, chance)) for chance in (0.025, 0.975))
     x_, u_, centre, scale = _standard(x, u)
     tau2 = _tau2_where(x_, u_, dof)
     mean, variance = _weighted_mean(x_, u_, tau2)
@@ -97,7 +97,7 @@ def _chance(x: Reals, u: Reals, k: int) -> float:
     off = abs(float(x[k]) - mean)
     if spread == 0:
         return 0.0 if off > 0 else 1.0
-    return float(2 * stats.t.sf(off / spread, dof))
+    return float(2 * special.stdtr(dof, -off / spread))
 
 
 def _q(x: Reals, u: Reals, tau2: float) -> float:

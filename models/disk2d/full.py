@@ -120,11 +120,11 @@ class FullDisk:
         pattern: Matrix = reduce(add, (sp.csr_array(abs(part)) for part in parts))
         pattern.sort_indices()
         every: Numbers = np.repeat(np.arange(n, dtype=np.int64), np.diff(pattern.indptr)) * n + pattern.indices
-        entries = np.zeros((every.size, len(parts)))
+        entries = np.empty((len(parts), every.size))
         for k, part in enumerate(parts):
             places: Numbers = part.row.astype(np.int64) * n + part.col
-            np.add.at(entries[:, k], np.searchsorted(every, places), part.data)
-        return pattern.indices, pattern.indptr, entries
+            entries[k] = np.bincount(np.searchsorted(every, places), part.data, every.size)
+        return pattern.indices, pattern.indptr, entries.T
 
     @cached_property
     def _within(self) -> tuple[Numbers, Numbers, Numbers, Reals]:
@@ -146,12 +146,18 @@ class FullDisk:
         kept, columns, starts, scale = self._within
         # symmetric: its rows are its columns
         inner = sp.csc_array((system.data[kept] * scale, columns, starts), shape=(self.size, self.size))
-        factors: Any = splu(inner)
+        # an order for symmetric matrices, still with pivots: two to ten times as fast as the usual one
+        factors: Any = splu(inner, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
         return factors.solve
 
     def solution(self, shape: Shape, constants: Complexes, frequency: float) -> Complexes:
         """Return displacements (m) and inner potential (V) for one volt, followed by the volt, shape (n + 1,)."""
-        system = self.system(shape.weights(constants), -((2 * np.pi * frequency) ** 2) * shape.mass)
+        return self._solved(self._system_at(shape, constants, frequency))
+
+    def _system_at(self, shape: Shape, constants: Complexes, frequency: float) -> Matrix:
+        return self.system(shape.weights(constants), -((2 * np.pi * frequency) ** 2) * shape.mass)
+
+    def _solved(self, system: Matrix) -> Complexes:
         n = self.size
         column = system[:n, [n]].toarray().ravel()
         x = -self.scale * self.factor(system)(self.scale * column)
@@ -165,7 +171,7 @@ class FullDisk:
         each = np.broadcast_to(constants, (frequency.size, constants.shape[-1]))
         made: list[complex] = []
         for f, c in zip(frequency.tolist(), each, strict=True):
-            x = self.solution(shape, c, f)
-            system = self.system(shape.weights(c), -((2 * np.pi * f) ** 2) * shape.mass)
+            system = self._system_at(shape, c, f)
+            x = self._solved(system)
             made.append(-4 * np.pi * complex(x @ (system @ x)))
         return np.array(made)

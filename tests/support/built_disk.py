@@ -1,13 +1,13 @@
 """A disk as built: with bonded layers, electrodes that end before the rim, a ring or spot of mass on a face."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import chain
 from math import ceil
 from typing import Self
 
 import numpy as np
-from cross_section import LAYER_POWERS, CrossSection, Ring, assemble_section
+from cross_section import LAYER_POWERS, CrossSection, Ring, SectionMatrices, assemble_section
 
 from pzctl.models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from pzctl.models.constants.causal import continued
@@ -144,8 +144,7 @@ class BuiltDisk:
         rings = tuple(each.ring for each in self.masses)
         section = CrossSection(len(self.back), len(self.front), self.electrode, rings)
         elements = max(1, ceil(2 * self.radius / self.thickness)) * (1 + self.finer)
-        along_r = LineElements(section.breaks(elements), _ORDER_R + self.finer)
-        made = assemble_section(section, along_r, _ORDER_Z + self.finer, move_in_plane=not self.clamped)
+        made = _assembled(section, elements, self.finer, not self.clamped)
         ceramic = self.density * self.thickness / 2
         shares = [layer.density * layer.thickness / ceramic for layer in self.layers]
         for each in self.masses:
@@ -163,3 +162,10 @@ class BuiltDisk:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
         C = self.full.capacitance(self.shape, self.over(frequency), frequency)
         return 1 / (j_omega(frequency) * C)
+
+
+@cache
+def _assembled(section: CrossSection, elements: int, finer: int, move_in_plane: bool) -> SectionMatrices:
+    """Return the matrices of a mesh, which is the same for all constants and thicknesses."""
+    along_r = LineElements(section.breaks(elements), _ORDER_R + finer)
+    return assemble_section(section, along_r, _ORDER_Z + finer, move_in_plane=move_in_plane)

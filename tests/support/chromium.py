@@ -38,6 +38,7 @@ class Browser:
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
         words = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe", f"--user-data-dir={profile}"]
+        words.append("--force-prefers-reduced-motion")  # or it draws what turns, all the time that a test waits
 
         def wire() -> None:  # it reads commands from descriptor 3 and writes answers to 4
             os.dup2(to_browser, 3)

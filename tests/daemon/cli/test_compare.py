@@ -18,7 +18,7 @@ F = np.linspace(0.9e6, 1.2e6, 61)
 
 
 def recorded(path: Path, *, f0: float = 1.02e6, henry: float = 0.0, seed: int = 0) -> str:
-    """Write a recording of a device with one resonance, measured through a wire."""
+    """Write a recording of a device with one resonance, with a wire or a coil in series."""
     rng = np.random.default_rng(seed)
     jw = 2j * np.pi * F
     Y = jw * 5e-10 * (1 + 0.08 / (1 - (F / f0) ** 2 + 1j * F / f0 / 80))
@@ -41,28 +41,28 @@ def said(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *w
 def test_json_has_the_form_of_a_diagnosis_and_the_picture_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before, after = recorded(tmp_path / "b.csv"), recorded(tmp_path / "a.csv", henry=5e-7, seed=1)
+    before, after = recorded(tmp_path / "b.csv"), recorded(tmp_path / "a.csv", henry=3e-5, seed=1)
     picture = tmp_path / "change.png"
     status, out, err = said(capsys, monkeypatch, before, after, "--json", "--picture", str(picture))
     found: dict[str, Any] = json.loads(out)
     assert status == 0
     assert found["verdict"] == "explained"
     (finding,) = found["findings"]
-    assert finding["effect"] == "lead-inductance"
+    assert finding["effect"] == "series-coil"
     assert finding["where"] == "terminals"
-    assert finding["parameters"]["inductance"]["value"] == pytest.approx(5e-7, rel=0.05)
+    assert finding["parameters"]["inductance"]["value"] == pytest.approx(3e-5, rel=0.05)
     assert finding["parameters"]["inductance"]["unit"] == "H"
     assert finding["held_out_after"] < finding["held_out_before"]
     assert picture.stat().st_size > 10_000
     assert "picture:" in err
 
 
-def test_the_common_difference_is_the_wire_and_the_outlier_is_named(
+def test_the_common_difference_is_the_coil_and_the_outlier_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     places = [1.01e6, 1.02e6, 1.03e6, 1.04e6]
     before = [recorded(tmp_path / f"b{k}.csv", f0=f0, seed=k) for k, f0 in enumerate(places)]
-    sizes = [5e-7, 5.05e-7, 4.95e-7, 9e-7]
+    sizes = [3e-5, 3.03e-5, 2.97e-5, 5.4e-5]
     after = [
         recorded(tmp_path / f"a{k}.csv", f0=f0, henry=size, seed=10 + k)
         for k, (f0, size) in enumerate(zip(places, sizes, strict=True))
@@ -70,9 +70,9 @@ def test_the_common_difference_is_the_wire_and_the_outlier_is_named(
     status, out, _ = said(capsys, monkeypatch, "--before", *before, "--after", *after, "--json")
     found: dict[str, Any] = json.loads(out)
     assert status == 0
-    assert [one["effect"] for one in found["common"]] == ["lead-inductance"]
+    assert [one["effect"] for one in found["common"]] == ["series-coil"]
     assert found["common"][0]["devices"] == [0, 1, 2, 3]
-    assert found["common"][0]["parameters"]["inductance"]["value"] == pytest.approx(5e-7, rel=0.02), (
+    assert found["common"][0]["parameters"]["inductance"]["value"] == pytest.approx(3e-5, rel=0.02), (
         "without the outlier"
     )
     assert found["outliers"] == [after[3]]

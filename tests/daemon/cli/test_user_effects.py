@@ -33,7 +33,7 @@ size = { value = 0.18507838, u = 0.0188 }
 at_Hz = { value = 4320394.07, u = 3.99e+05 }
 """
 STRENGTH, AT = 0.25, 4.9e6
-EFFECTS = "polarity,lead-inductance,relaxation"
+EFFECTS = "polarity,relaxation"
 
 
 @pytest.fixture

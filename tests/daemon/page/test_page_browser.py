@@ -26,7 +26,7 @@ def build(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = THESIS_BUILD.read_text(encoding="utf-8")
     path = tmp_path_factory.mktemp("build") / "build.toml"
     (wider,) = re.findall(r"\n +\{ start_MHz = 0\.5.*", text)
-    path.write_text(text.replace(wider, "").replace("points = 801", "points = 101"), encoding="utf-8")
+    path.write_text(text.replace(wider, "").replace("points = 801", "points = 41"), encoding="utf-8")
     return path
 
 
@@ -44,9 +44,12 @@ def fresh(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def pictures() -> Path | None:
+    """The folder of pictures, if they are wanted."""
     named = os.environ.get("PZCTL_SCREENSHOTS")
-    folder = Path(named) if named else tmp_path_factory.mktemp("pictures")
+    if not named:
+        return None
+    folder = Path(named)
     folder.mkdir(parents=True, exist_ok=True)
     return folder
 
@@ -78,8 +81,14 @@ def press(browser: Browser, which: str, begins: str) -> None:
     browser.run(f"{found}.click()")
 
 
+def keep_picture(browser: Browser, pictures: Path | None, name: str) -> None:
+    """Take a picture of the page if pictures are wanted: a second of processor time."""
+    if pictures is not None:
+        browser.picture(pictures / name)
+
+
 @needs_chromium
-def test_from_the_button_to_the_constants(fresh: str, browser: Browser, pictures: Path) -> None:
+def test_from_the_button_to_the_constants(fresh: str, browser: Browser, pictures: Path | None, tmp_path: Path) -> None:
     browser.open(fresh)
     browser.wait("document.getElementById('daemon-light').classList.contains('on')")
     assert "4294A" in browser.run("document.getElementById('device').textContent")
@@ -90,7 +99,7 @@ def test_from_the_button_to_the_constants(fresh: str, browser: Browser, pictures
     browser.key("Enter")
     browser.wait("document.getElementById('state').textContent === 'measuring disk'")
     assert not browser.run("document.getElementById('stop').disabled")
-    browser.picture(pictures / "page-measuring.png")
+    keep_picture(browser, pictures, "page-measuring.png")
     browser.wait("document.getElementById('state').textContent === 'disk measured'")
     browser.wait("document.querySelectorAll('#constants tbody tr').length >= 5")
     stiffness = browser.run("document.querySelector('#constants tbody td:nth-child(2)').textContent")
@@ -103,17 +112,17 @@ def test_from_the_button_to_the_constants(fresh: str, browser: Browser, pictures
     for theme in ("dark", "light"):
         while browser.run("document.documentElement.dataset.theme") != theme:
             browser.run("document.getElementById('theme').click()")
-        assert browser.picture(pictures / f"page-{theme}.png") > 50_000
+        assert browser.picture((pictures or tmp_path) / f"page-{theme}.png") > 50_000
     browser.size(820, 1180)
     browser.wait("document.documentElement.scrollWidth <= 820")
     browser.wait("document.querySelector('#plot-z canvas').clientWidth < 420")  # drawn anew for this width
-    browser.picture(pictures / "page-tablet.png")
+    keep_picture(browser, pictures, "page-tablet.png")
     assert browser.problems == []
 
 
 @needs_chromium
 def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
-    page: str, build: Path, lab: Client, browser: Browser, pictures: Path
+    page: str, build: Path, lab: Client, browser: Browser, pictures: Path | None
 ) -> None:
     lab.wait_fit("mason", lab.measure(read_build(build), "disk").id)
     browser.open(page)
@@ -134,7 +143,7 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
     for name in ("disk.c33D", "disk.h33.loss"):  # it is bounded by the loss of the other two
         browser.run(f"document.querySelector('[aria-label=\"free {name}\"]').click()")
     browser.run("document.getElementById('hand-fit').scrollIntoView()")
-    browser.picture(pictures / "page-by-hand.png")
+    keep_picture(browser, pictures, "page-by-hand.png")
     browser.run("document.getElementById('hand-fit').click()")
     browser.wait(f"{at_rest} && {misfit} < 1.5")
     assert browser.run("document.getElementById('fitter').textContent").startswith("fitter by-hand")
@@ -152,7 +161,9 @@ def test_by_hand_the_curve_moves_before_a_fit_and_the_diagnosis_comes_in_words(
 
 
 @needs_chromium
-def test_a_missing_effect_is_found_named_and_marked(page: str, lab: Client, browser: Browser, pictures: Path) -> None:
+def test_a_missing_effect_is_found_named_and_marked(
+    page: str, lab: Client, browser: Browser, pictures: Path | None
+) -> None:
     lab.bench({"command": "hidden", "lead-inductance": 1e-8})
     browser.open(page)
     press(browser, "#steps", "disk")
@@ -181,13 +192,13 @@ def test_a_missing_effect_is_found_named_and_marked(page: str, lab: Client, brow
     assert "lead-inductance: terminals" in browser.run("document.getElementById('stack').textContent")
     assert "explain the whole difference" in browser.run("document.getElementById('words').textContent")
     browser.run("window.scrollTo(0, 0)")
-    browser.picture(pictures / "page-diagnosed.png")
+    keep_picture(browser, pictures, "page-diagnosed.png")
     assert browser.problems == []
 
 
 @needs_chromium
 def test_a_bare_disk_is_fitted_by_hand_with_the_model_of_both_modes(
-    page: str, lab: Client, browser: Browser, pictures: Path
+    page: str, lab: Client, browser: Browser, pictures: Path | None
 ) -> None:
     lab.bench({"command": "effects", "radial": True})
     plan = SweepPlan((Segment(80e3, 600e3, 401), Segment(2e6, 9e6, 401)))
@@ -214,7 +225,7 @@ def test_a_bare_disk_is_fitted_by_hand_with_the_model_of_both_modes(
     for _ in range(30):
         browser.key("ArrowRight")
     browser.wait(f"{at_rest} && {misfit} > 100")
-    browser.picture(pictures / "page-by-hand-disk.png")
+    keep_picture(browser, pictures, "page-by-hand-disk.png")
     before = browser.run("document.querySelector('[data-handle=\"disk.s12E\"]').value")
     browser.run("document.getElementById('hand-none').click()")
     browser.run("document.querySelector('[aria-label=\"free disk.s11E\"]').click()")
@@ -250,7 +261,7 @@ def test_stop_and_refusals_of_the_daemon(slow: str, browser: Browser) -> None:
 
 @needs_chromium
 def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
-    page: str, build: Path, lab: Client, browser: Browser, pictures: Path
+    page: str, build: Path, lab: Client, browser: Browser, pictures: Path | None
 ) -> None:
     plan = SweepPlan((Segment(1e6, 6e6, 101), Segment(5e5, 15.5e6, 101)))
     for name, seed in (("older", 7), ("newer", 8)):
@@ -270,7 +281,7 @@ def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
             f"if (document.documentElement.dataset.theme !== '{theme}') document.getElementById('theme').click()"
         )
         assert browser.run(GREEN) > 200, "the kept curve is drawn"
-        browser.picture(pictures / f"page-compared-{theme}.png")
+        keep_picture(browser, pictures, f"page-compared-{theme}.png")
 
     link = "[...document.querySelectorAll('#downloads a')].find((a) => a.textContent === 'report (PDF)')"
     began = (
@@ -292,7 +303,7 @@ def test_an_overlaid_sample_the_pdf_report_and_keyboard_operation(
 
 @needs_chromium
 def test_what_changed_from_the_kept_measurement_is_said_and_drawn(
-    page: str, lab: Client, browser: Browser, pictures: Path
+    page: str, lab: Client, browser: Browser, pictures: Path | None
 ) -> None:
     plan = SweepPlan((Segment(3.5e6, 4.8e6, 101),))
     for name in ("yesterday", "today"):
@@ -310,7 +321,7 @@ def test_what_changed_from_the_kept_measurement_is_said_and_drawn(
     assert "Nothing changed" in browser.run("document.getElementById('changed-words').textContent")
     assert browser.run("document.querySelectorAll('#changed canvas').length") == 2
     assert browser.run("document.getElementById('changed-table').scrollWidth <= document.body.clientWidth")
-    browser.picture(pictures / "page-changed.png")
+    keep_picture(browser, pictures, "page-changed.png")
     # It is gone with the pair.
     browser.run("document.getElementById('keep').click()")
     assert browser.run("document.getElementById('changed').hidden && document.getElementById('compare').hidden")

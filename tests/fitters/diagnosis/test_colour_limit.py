@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from pzctl.fitters.diagnosis.data_quality.colour_limit import colour_limit
 from pzctl.fitters.diagnosis.data_quality.pole_fit import Frame, fit_poles
@@ -20,6 +19,8 @@ def recorded(seed: int, colour: float, points: int = 801) -> Sweep:
     device = random_device(rng, "x", 1, backed=False)
     f = np.linspace(0.12, 3.4, points) * device.disk.f0
     white = rng.normal(size=points) + 1j * rng.normal(size=points)
+    from scipy.signal import lfilter  # imported late: it takes half a second, in every process of a test run
+
     noise = lfilter([2e-4 * np.sqrt(1 - colour**2)], [1.0, -colour], white)
     return Sweep(f, record(device, NOTHING, SweepSpec(device.steps[-1], f)) * np.exp(noise))
 
@@ -32,11 +33,10 @@ def limit(sweep: Sweep) -> float:
 
 @pytest.mark.parametrize("colour", COLOURS[1::2])
 def test_the_right_colour_is_allowed(colour: float) -> None:
-    allowed = [limit(recorded(seed, colour)) >= colour for seed in range(6)]
-    assert sum(allowed) >= 5  # one of a hundred is excluded
+    assert all(limit(recorded(seed, colour)) >= colour for seed in range(3))  # one of a hundred is excluded
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_white_noise_is_not_coloured(seed: int) -> None:
     assert limit(recorded(seed, 0.0)) <= 0.15
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
 from pzctl.fitters.diagnosis.hypotheses.condensed_recordings import condensed
@@ -34,6 +33,8 @@ def swept(f: Reals, bare: Device, nothing: FitTask, colour: float = 0.0) -> Prob
     random = np.random.default_rng(7)
     device = bare.with_effect(find_effect("lead-inductance"), "terminals", LEAD)
     white = random.normal(size=f.size) + 1j * random.normal(size=f.size)
+    from scipy.signal import lfilter  # imported late: it takes half a second, in every process of a test run
+
     noise = lfilter([2e-4 * np.sqrt(1 - colour**2)], [1.0, -colour], white)
     task = replace(nothing, sweeps={"disk": (Sweep(f, device.impedance(f) * np.exp(noise)),)})
     return Problem.of(solve(task, lambda _: None), None)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import halfnorm, loguniform
 
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
@@ -362,6 +361,8 @@ def test_leaving_more_than_a_good_device_does_costs_the_odds_of_a_cause_of_its_o
 @given(st.floats(-4, 0))
 def test_how_usual_a_rest_is_follows_from_two_densities(decades: float) -> None:
     left = 10**decades
+    from scipy.stats import halfnorm, loguniform  # imported late: that takes half a second in each process
+
     good, other = halfnorm(scale=LEFT), loguniform(LEFT, 1.0)
     density = (1 - ODDS) * good.pdf(left) + ODDS * other.pdf(max(left, LEFT * (1 + 1e-12)))
     said = Hypothesis.log_left.fget(SimpleNamespace(unexplained=left))
@@ -385,6 +386,8 @@ def test_an_effect_that_has_to_be_bent_is_as_improbable_as_another_one_beside_it
     assert costs == pytest.approx(
         tuple(one.log_tails - 0.5 * one.fit.gram.before.q + one.fit.log_usual for one in (right, wrong))
     )
+    from scipy.stats import halfnorm, loguniform  # imported late: that takes half a second in each process
+
     good, other = halfnorm(scale=SHAPE), loguniform(SHAPE, 1.0)
     for bent in (0.01, 0.2, 0.5):
         density = (1 - ODDS) * good.pdf(bent) + ODDS * other.pdf(max(bent, SHAPE * (1 + 1e-12)))

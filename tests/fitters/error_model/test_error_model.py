@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.signal import lfilter
 from scipy.special import chdtri
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
@@ -292,6 +291,8 @@ def test_coloured_noise_beside_a_weak_resonance_is_not_told_as_rough_errors(
     rng = np.random.default_rng(seed)
     f = np.linspace(2e6, 10e6, points)
     white = rng.normal(size=f.size) + 1j * rng.normal(size=f.size)
+    from scipy.signal import lfilter  # imported late: it takes half a second, in every process of a test run
+
     noise = lfilter([level * np.sqrt(1 - 0.8**2)], [1.0, -0.8], white)
     weak = {"strength": strength, "stiffness": 0.0, "frequency": 3e6, "q": q, "phase": 0.0}
     other = Device(DISK).with_effect(find_effect("spurious-resonance"), "layer:disk", weak)

@@ -151,7 +151,7 @@ def test_a_langevin_sandwich_is_its_half_twice_and_resonates_by_langevins_equati
 
 
 def fit_plates(text: str, fitter: Mason | NloptGlobal | MasonNelderMead | None = None) -> FitResult:
-    f = np.linspace(0.3e6, 4e6, 601)
+    f = np.linspace(0.3e6, 4e6, 301)
     sweep = recorded(f, free_plate(f, 2e-3) / 4)
     return (fitter or Mason()).fit(FitTask(parse_build(text), {"whole": (sweep,)}))
 
@@ -182,14 +182,14 @@ def test_what_a_symmetric_stack_cannot_tell_apart_is_said_with_the_remedy() -> N
     [((1, 1), "parallel", "parallel, polarity +1 -1"), ((1, 1), "series", "parallel, polarity +1 -1")],
 )
 def test_a_wrong_wiring_is_named(polarities: tuple[int, ...], connection: str, right: str) -> None:
-    f = np.linspace(0.3e6, 4e6, 401)
+    f = np.linspace(0.3e6, 4e6, 201)
     sweep = recorded(f, free_plate(f, 2e-3) / 4)
     result = Mason().fit(FitTask(parse_build(plates(polarities, connection)), {"whole": (sweep,)}))
     assert f"with {right} the RMS log error is" in result.says[0]
 
 
 def test_a_connection_that_does_not_fit_the_capacitance_is_named() -> None:
-    f = np.linspace(0.3e6, 4e6, 401)
+    f = np.linspace(0.3e6, 4e6, 201)
     text = plates((1, -1, 1), "parallel")
     sweep = recorded(f, with_constants(text)(f))
     task = FitTask(parse_build(text.replace("parallel", "series")), {"whole": (sweep,)})
