@@ -79,11 +79,18 @@ class LabCase:
         return "allowed" if any(matches(finding, one) for one in there) else "wrong"
 
     def first_is_dominating(self, alike: bool) -> bool:
-        """Return whether the first finding said is the dominating effect; `alike`: or its merged class holds it."""
-        if not self.findings:
-            return False
-        first, wanted = self.findings[0], self.planted[0]
-        return matches(first, wanted) or (alike and any(matches(other, wanted) for other in _class_of(first)))
+        """Return whether the first finding said is the dominating effect; `alike`: or its merged class holds it.
+
+        A device's imperfection may stand before it if it truly moves more.
+        """
+        wanted = self.planted[0]
+        larger = [one for one in self.truth.get("also", []) if one.get("moves", 0.0) >= wanted["moves"]]
+        for said in self.findings:
+            if matches(said, wanted) or (alike and any(matches(other, wanted) for other in _class_of(said))):
+                return True
+            if not any(matches(said, one) for one in larger):
+                break
+        return False
 
     @property
     def all_right(self) -> bool:

@@ -12,7 +12,7 @@ from .planting import families, layered
 from .planting.alike import with_other_names
 from .planting.imperfections import imperfections
 from .planting.plant import LabScenario, LabWorld, Plant
-from .planting.visible import Seen, View
+from .planting.visible import ACCURACY, Seen, View
 from .recording import ErringAnalyzer, LabSweep
 from .session import analyzer_of, plan
 
@@ -44,11 +44,9 @@ FINDABLE_GAIN = 30.0
 """chi2 gain that a plant needs: noise reaches it with one free size in 4 of 10^8 recordings, with five in 1 of 10^5."""
 DOMINATING_GAIN = 100.0
 """chi2 gain that a dominating plant needs: ten standard deviations."""
-NO_LONGER_MINOR = 3e-3
-"""Root mean square of ln Z above which an imperfection counts as an effect, such as causal loss in a composite."""
 FINDABLE_OVER = 1.0
 DOMINATING_OVER = 3.0
-"""Change of ln Z, relative to the largest imperfection's, that a plant needs to be findable, and to dominate."""
+"""Change of ln Z, relative to the analyzer's accuracy, that a plant needs to be findable, and to dominate."""
 
 
 @dataclass(frozen=True)
@@ -64,38 +62,22 @@ class LabSession:
     """Visibility of each plant of the scenario."""
     seed: int
 
-    @property
-    def floor(self) -> float:
-        """Largest change of ln Z by an imperfection."""
-        return _floor(self.scenario, self.seen)
-
     def role(self, index: int) -> str:
-        """Return `dominating`, `findable`, `faint`, or `imperfection` and `faint imperfection`.
-
-        An imperfection that changes ln Z by more than `NO_LONGER_MINOR` counts as an effect.
-        """
+        """Return `dominating`, `findable`, `faint`, or `imperfection` and `faint imperfection`."""
         plant, one = self.scenario.plants[index], self.seen[index]
-        if _is_minor(plant, one):
+        if plant.minor:
             return "imperfection" if one.gain > FINDABLE_GAIN else "faint imperfection"
-        if one.gain < FINDABLE_GAIN or one.moves < FINDABLE_OVER * self.floor:
+        if one.gain < FINDABLE_GAIN or one.moves < FINDABLE_OVER * ACCURACY:
             return "faint"
-        far = one.gain >= DOMINATING_GAIN and one.moves >= DOMINATING_OVER * self.floor
+        far = one.gain >= DOMINATING_GAIN and one.moves >= DOMINATING_OVER * ACCURACY
         return "dominating" if far and self._largest(index) else "findable"
 
     def _largest(self, index: int) -> bool:
         return all(
             self.seen[index].moves >= other.moves
             for plant, other in zip(self.scenario.plants, self.seen, strict=True)
-            if not _is_minor(plant, other)
+            if not plant.minor
         )
-
-
-def _is_minor(plant: Plant, one: Seen) -> bool:
-    return plant.minor and one.moves < NO_LONGER_MINOR
-
-
-def _floor(scenario: LabScenario, seen: Sequence[Seen]) -> float:
-    return max((s.moves for p, s in zip(scenario.plants, seen, strict=True) if _is_minor(p, s)), default=0.0)
 
 
 def draw_case(seed: int, index: int) -> LabSession:
@@ -117,19 +99,16 @@ def _draw(rng: Random, kind: str, name: str) -> LabSession:
     minor = () if kind == "instrument" else imperfections(rng, specimen)
     scenario = LabScenario(LabWorld(specimen, fixture=analyzer.fixture), (*plants, *minor))
     view = View(scenario, sweeps, analyzer)
-    visible = [view.seen(k) for k in range(len(scenario.plants))]
-    floor = _floor(scenario, visible)
     for k in range(len(plants)):
-        view = _grown(rng, view, k, sweeps, analyzer, floor)
-    if view.scenario is not scenario:
-        visible = [view.seen(k) for k in range(len(scenario.plants))]
-    scenario = with_other_names(view.scenario, view, analyzer.noise, _floor(view.scenario, visible), FINDABLE_GAIN)
+        view = _grown(rng, view, k, sweeps, analyzer)
+    visible = [view.seen(k) for k in range(len(scenario.plants))]
+    scenario = with_other_names(view.scenario, view, max(ACCURACY, analyzer.noise), FINDABLE_GAIN)
     return LabSession(name, kind, scenario, sweeps, analyzer, tuple(visible), int(rng.integers(2**31)))
 
 
-def _grown(rng: Random, view: View, k: int, sweeps: Sequence[LabSweep], analyzer: ErringAnalyzer, floor: float) -> View:
+def _grown(rng: Random, view: View, k: int, sweeps: Sequence[LabSweep], analyzer: ErringAnalyzer) -> View:
     """Return the view of a world in which plant k is large enough to be found, where physics allows it."""
-    wanted = max(floor, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
+    wanted = max(ACCURACY, 2 * analyzer.noise) * loguniform(rng, 4.0, 30.0)
     for _ in range(3):
         plant = view.scenario.plants[k]
         moves = wanted if plant.least >= plant.most else view.seen(k).moves

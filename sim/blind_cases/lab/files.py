@@ -118,7 +118,6 @@ def truth(case: LabSession) -> dict[str, Any]:
         "not_decidable": [],
         "constants": constants(case.scenario.bare.specimen),
         "noise": {"relative": case.analyzer.noise, "colour": case.analyzer.colour},
-        "imperfections_move": case.floor,
     }
 
 

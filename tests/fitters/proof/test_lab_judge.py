@@ -65,6 +65,13 @@ CASES["null"][0]["also"] = ({"effect": "analyzer-error", "where": ["sweep"], "st
 JUDGED = {name: LabCase(name, *case) for name, case in CASES.items()}
 
 
+@pytest.mark.parametrize(("moves", "first"), [(0.2, True), (0.05, False)])
+def test_an_imperfection_may_stand_before_the_dominating_effect_if_it_moves_more(moves: float, first: bool) -> None:
+    said = answer(found("thickness-variation", "layer:disk"), found("lead-inductance", "terminals"))
+    case = LabCase("uneven", truth("one", LEAD, also=(WEDGE | {"moves": moves},)), said)
+    assert case.first_is_dominating(alike=False) is first
+
+
 def test_every_named_effect_has_one_class() -> None:
     classes = {name: [one for _, one in case.classes] for name, case in JUDGED.items()}
     assert classes == {

@@ -13,12 +13,12 @@ from pzctl.sim.blind_cases.lab.devices.flaws import NOTHING, FixtureResidue, Fla
 from pzctl.sim.blind_cases.lab.devices.random_specimen import random_specimen
 from pzctl.sim.blind_cases.lab.devices.specimen import AIR, LabDevice, lossy
 from pzctl.sim.blind_cases.lab.devices.terminals import at_analyzer
-from pzctl.sim.blind_cases.lab.draw import FAMILIES, LabSession, draw_case
+from pzctl.sim.blind_cases.lab.draw import FAMILIES, FINDABLE_GAIN, LabSession, draw_case
 from pzctl.sim.blind_cases.lab.files import make_case
 from pzctl.sim.blind_cases.lab.planting import families, layered
 from pzctl.sim.blind_cases.lab.planting.imperfections import imperfections
 from pzctl.sim.blind_cases.lab.planting.plant import LabScenario, LabWorld, Plant
-from pzctl.sim.blind_cases.lab.planting.visible import View
+from pzctl.sim.blind_cases.lab.planting.visible import ACCURACY, View
 from pzctl.sim.blind_cases.lab.recording import ErringAnalyzer, LabSweep, shown
 from pzctl.sim.blind_cases.lab.session import plan
 
@@ -157,7 +157,7 @@ def test_noise_has_the_size_and_correlation_of_the_analyzer() -> None:
 @pytest.fixture(scope="module")
 def drawn() -> list[LabSession]:
     """Cases of four kinds."""
-    return [draw_case(11, index) for index in (0, 2, 3, 5)]
+    return [draw_case(seed, index) for seed, index in ((7, 0), (7, 3), (7, 4), (3, 1))]
 
 
 def test_analyzers_err_within_their_specification(drawn: list[LabSession]) -> None:
@@ -195,6 +195,18 @@ def test_constants_absorb_electrodes_but_not_a_lead_and_the_analyzer_absorbs_a_g
         assert least <= left / np.sqrt(np.mean(np.abs(shift) ** 2)) <= most
 
 
+def test_a_capacitance_that_shifts_a_resonance_by_many_widths_is_absorbed_by_the_constants() -> None:
+    s = specimen_of(2)
+    sweep = replace(plan(np.random.default_rng(0), s, ())[0], frequency=np.linspace(0.3, 2.4, 201) * s.ceramic.f0)
+
+    def beside(world: LabWorld, k: float) -> LabWorld:
+        return world.wired(capacitance=0.08 * k * s.C0)
+
+    scenario = LabScenario(LabWorld(s), (Plant("stray-capacitance", ("terminals",), s.steps, beside),))
+    analyzer = ErringAnalyzer((float(sweep.frequency[0]), float(sweep.frequency[-1])))
+    assert View(scenario, (sweep,), analyzer).seen(0).gain < FINDABLE_GAIN
+
+
 def test_the_plant_with_the_largest_change_dominates_and_roles_follow(drawn: list[LabSession]) -> None:
     for case in drawn:
         effects = [k for k, plant in enumerate(case.scenario.plants) if not plant.minor]
@@ -202,13 +214,13 @@ def test_the_plant_with_the_largest_change_dominates_and_roles_follow(drawn: lis
         assert len(leading) <= 1
         for k in leading:
             assert case.seen[k].moves >= max(case.seen[other].moves for other in effects or [k])
-            assert case.seen[k].moves >= 3 * case.floor
+            assert case.seen[k].moves >= 3 * ACCURACY
     assert {case.kind for case in drawn} == {"one", "instrument", "imperfect", "outside"}
 
 
 def test_cases_are_reproducible_and_do_not_reveal_their_plants(tmp_path: Path) -> None:
     named: list[dict[str, Any]] = []
-    for index in range(2):
+    for index in (1, 2):
         first, again = (make_case(tmp_path / name, 3, index) for name in ("a", "b"))
         assert first == again
         named.append(first)

@@ -1,7 +1,7 @@
 """Alternative names of a plant: effects that no recording of the case could distinguish from it.
 
 A rival effect with one size replaces the plant, with its size and all constants free. If the remaining difference
-changes ln Z by no more than the largest imperfection, or gains no more than noise could, its name is accepted too.
+changes ln Z by no more than the analyzer's accuracy, or gains no more than noise could, its name is accepted too.
 """
 
 from collections.abc import Callable
@@ -65,8 +65,8 @@ _RIVALS: dict[str, tuple[Callable[[Plant, LabDevice], Plant], ...]] = {
 _LINE = frozenset({"lead-inductance", "stray-capacitance", "cable"})
 
 
-def with_other_names(scenario: LabScenario, view: View, noise: float, floor: float, noise_gains: float) -> LabScenario:
-    """Return the scenario with all accepted names of its plants; `floor`: largest change of ln Z by an imperfection."""
+def with_other_names(scenario: LabScenario, view: View, floor: float, noise_gains: float) -> LabScenario:
+    """Return the scenario with all accepted names of its plants; `floor`: change of ln Z that nobody can rely on."""
     plants = list(scenario.plants)
     whole = together({plant.effect for plant in plants})
     for index, plant in enumerate(scenario.plants):
@@ -76,7 +76,7 @@ def with_other_names(scenario: LabScenario, view: View, noise: float, floor: flo
         for make in _RIVALS.get(plant.effect, ()):
             rival = make(plant, scenario.bare.specimen)
             left = view.with_rival(rival).seen(index)
-            if left.gain < noise_gains or left.moves < max(floor, noise):
+            if left.gain < noise_gains or left.moves < floor:
                 names.append(rival.effect)
         names = [name for name in names if name != plant.effect]
         plants[index] = replace(plant, accept=tuple(dict.fromkeys(names)))

@@ -9,6 +9,9 @@ from ..distributions import Random, lognormal
 from .layered import anywhere
 from .plant import LabWorld, Plant
 
+_USUAL_POWER = 0.2
+"""Exponent of a loss over frequency that devices have, of either sign."""
+
 
 def imperfections(rng: Random, s: LabDevice) -> tuple[Plant, ...]:
     """Return a device's imperfections: scatter of thickness, dispersion of loss and permittivity, weak resonances."""
@@ -65,4 +68,5 @@ def _weak(rng: Random, s: LabDevice) -> Plant:
 
 
 def _minor(plant: Plant) -> Plant:
-    return replace(plant, minor=True)
+    power = abs(plant.sizes.get("power", _USUAL_POWER))
+    return replace(plant, minor=True, usual=_USUAL_POWER / max(power, 1e-3 * _USUAL_POWER))

@@ -53,6 +53,8 @@ class Plant:
     needs: Needs = "nothing"
     minor: bool = False
     """Whether it is an imperfection, which may but need not be named."""
+    usual: float = 1.0
+    """Size of such an imperfection in devices of this kind, relative to the drawn one."""
     accept: tuple[str, ...] = ()
     """Other names that are accepted as correct."""
 

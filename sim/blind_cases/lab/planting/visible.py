@@ -1,8 +1,9 @@
 """Visibility of a plant: how much of it remains after constants, instrument and fixture have imitated it best.
 
 No code of the diagnosis is used. A world without the plant is fitted to noise-free recordings of the world with it, by
-Gauss-Newton steps. Free are all constants that a fitter frees, the sizes of all other effects, a smooth gain and phase
-of the instrument and the fixture's residuals, each within its uncertainty. The fit has two results:
+least squares. Free are all constants that a fitter frees, the sizes of all other effects and of the device's
+imperfections, a smooth gain and phase of the instrument and the fixture's residuals, each within its uncertainty. The
+fit has two results:
 
 - `gain`: the remaining chi2 against the noise, including the penalties for using the allowances of instrument and
   fixture;
@@ -17,22 +18,30 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
 
 from ...waves import Complexes, Reals
-from ..devices.specimen import AIR, LabLayer
+from ..devices.specimen import LabLayer
 from ..recording import ErringAnalyzer, LabSweep, shown
 from .plant import LabScenario, LabWorld, Plant
 
-_POINTS = 150
+_POINTS = 100
 """Number of points of a sweep that are used."""
-_ROUNDS, _RENEWALS = 10, 1
+_PARTS = 8
+"""Number of parts in which a plant is taken away: each shifts a resonance by less than its width."""
+_ROUNDS, _FEW_ROUNDS = 30, 3
+"""Largest number of steps of a fit, and of one that leads to the next."""
+_SETTLED = 1e-3
+"""Relative decrease of the squared residuals at which a fit ends."""
+_IMITATED = 1.0
+"""Remaining chi2 of what no recording could distinguish."""
 _STEP = 1e-6
 _SMALL = 3e-3
 """Root mean square of ln Z below which the linearised problem is sufficient."""
 _EXACT = 1e-8
 """Relative uncertainty below which a value of the build is held."""
 _COSINES = 8
-_ACCURACY = 1e-3
+ACCURACY = 1e-3
 """Relative gain and phase in rad that the analyzer's specification allows, root mean square over the band."""
 _FIXTURE = (1e-9, 1e-2, 5e-3, 20e-15, 3e-9)
 """Residuals after compensation, one standard deviation each: H, ohm, ohm at 1 MHz (skin), F, S."""
@@ -70,6 +79,7 @@ class View:
         self._sigmas = np.concatenate([np.full(2 * one.target.size, one.sigma) for one in self._thin])
         self._typical = float(np.sqrt(np.mean(self._sigmas**2)))
         self._slopes: Reals | None = None
+        self._seen: dict[int, Seen] = {}
 
     def with_rival(self, rival: Plant) -> "View":
         """Return the same with another effect that may imitate; its scale is free, starting at 0."""
@@ -79,40 +89,63 @@ class View:
 
     def join(self, rival: Plant) -> None:
         """Add another effect that may imitate."""
+        self._seen = {}
         slopes = self._derivatives()
         self._free = _Free(self.scenario, rival)
         last = self._derivatives_of(np.zeros(self._free.size), None, [self._free.size - 1])
         self._slopes = np.column_stack([slopes, last[:, -1]])
 
     def seen(self, index: int) -> Seen:
-        """Return the visibility of a plant: steps with the derivatives of the whole world, renewed when they stall."""
+        """Return the visibility of a plant."""
+        if index not in self._seen:
+            self._seen[index] = self._seen_anew(index)
+        return self._seen[index]
+
+    def _seen_anew(self, index: int) -> Seen:
         r = self._rows(self._free.moved(np.zeros(self._free.size), index))
         if self._moves(r) < _SMALL:  # small enough for the problem to be linear
             slopes = self._derivatives()
-            x = self._step(slopes, r, np.zeros(self._free.size), index, 1e-10)
-            r, cost = r + slopes @ x, self._cost(r + slopes @ x, x)
-        else:
-            r, cost, slopes = self._descend(r, index)
-        return Seen(cost, self._moves(self._projected(r, slopes, index)))
+            x = self._linear(slopes, r, index)
+            return Seen(self._cost(r + slopes @ x, x), self._moves(self._projected(r + slopes @ x, slopes, index)))
+        end = self._imitated(index)
+        even = self._fit(end.x, index, 0.0, _ROUNDS, even=True)
+        return Seen(2 * float(end.cost), self._moves(self._rows(self._free.moved(even.x, index))))
 
-    def _descend(self, r: Reals, index: int) -> tuple[Reals, float, Reals]:
-        x, slopes = np.zeros(self._free.size), self._derivatives()
-        now, damping, renewed = self._cost(r, x), 1e-8, 0
-        for _ in range(_ROUNDS):
-            before = now
-            trial = x + np.clip(self._step(slopes, r, x, index, damping), -self._free.reach, self._free.reach)
-            r_trial = self._rows(self._free.moved(trial, index))
-            cost = self._cost(r_trial, trial)
-            if cost < now:
-                x, r, now, damping = trial, r_trial, cost, damping / 10
-            else:
-                damping = max(damping, 1e-6) * 100
-            if before - now < 0.05 * before:
-                if renewed == _RENEWALS or (now == before and damping > 1):
-                    break
-                if now < before or not renewed:
-                    slopes, renewed = self._derivatives_at(x, index), renewed + 1
-        return r, now, slopes
+    def _imitated(self, index: int) -> OptimizeResult:
+        """Return the fit that imitates a plant best.
+
+        A resonance that an effect shifts by more than its width is not found again in one go. The plant is therefore
+        also taken away in parts, each so small that the fit can follow.
+        """
+        plant, x = self.scenario.plants[index], np.zeros(self._free.size)
+        at_once = self._fit(x, index, 0.0, _FEW_ROUNDS)
+        # an imperfection shifts no resonance, and some plants are there or not
+        if plant.minor or plant.least >= plant.most or 2 * at_once.cost < _IMITATED:
+            return at_once
+        for part in range(1, _PARTS):
+            x = self._fit(x, index, 1 - part / _PARTS, _FEW_ROUNDS).x
+        followed = self._fit(x, index, 0.0, _ROUNDS)
+        return followed if followed.cost < at_once.cost else self._fit(at_once.x, index, 0.0, _ROUNDS)
+
+    def _fit(self, x: Reals, index: int, rest: float, rounds: int, *, even: bool = False) -> OptimizeResult:
+        """Fit the world with `rest` of a plant to the recordings, beginning at x.
+
+        `even`: with equal weights of all points, without instrument and fixture.
+        """
+
+        def weighted(v: Reals) -> Reals:
+            return v * (self._sigmas / self._typical).reshape(-1, *[1] * (v.ndim - 1)) if even else self._whiten(v)
+
+        def residuals(x: Reals) -> Reals:
+            r = self._rows(self._free.moved(x, index, rest))
+            return np.concatenate([weighted(r), x / self._free.prior])
+
+        def slopes(x: Reals) -> Reals:
+            W = weighted(self._derivatives_at(x, index, rest))
+            W[:, [k for k in range(x.size) if self._free.is_plant(k, index)]] = 0.0
+            return np.vstack([W, np.diag(1 / self._free.prior)])
+
+        return least_squares(residuals, x, slopes, x_scale="jac", ftol=_SETTLED, max_nfev=rounds)
 
     def _rows(self, here: LabScenario, linear: bool = False) -> Reals:
         """Return the differences from the true world over the noise; `linear`: without strain feedback."""
@@ -129,27 +162,28 @@ class View:
             self._slopes = self._derivatives_at(np.zeros(self._free.size), None)
         return self._slopes
 
-    def _derivatives_at(self, x: Reals, index: int | None) -> Reals:
-        return self._derivatives_of(x, index, [k for k in range(x.size) if self._free.prior[k] > _EXACT])
+    def _derivatives_at(self, x: Reals, index: int | None, rest: float = 0.0) -> Reals:
+        return self._derivatives_of(x, index, [k for k in range(x.size) if self._free.prior[k] > _EXACT], rest)
 
-    def _derivatives_of(self, x: Reals, index: int | None, of: Sequence[int]) -> Reals:
+    def _derivatives_of(self, x: Reals, index: int | None, of: Sequence[int], rest: float = 0.0) -> Reals:
         """Return the derivatives for some columns, zero for others; strain feedback is included for sizes only."""
         slopes = np.zeros((self._sigmas.size, x.size))
         for full in (False, True):
             some = [k for k in of if (k >= self._free.constants) == full]
-            at = self._rows(self._free.moved(x, index), not full) if some else 0.0
+            at = self._rows(self._free.moved(x, index, rest), not full) if some else 0.0
             for k in some:
                 moved = x + _STEP * (np.arange(x.size) == k)
-                slopes[:, k] = (self._rows(self._free.moved(moved, index), not full) - at) / _STEP
+                slopes[:, k] = (self._rows(self._free.moved(moved, index, rest), not full) - at) / _STEP
         return np.nan_to_num(slopes)  # a size at 0 may have no derivative
 
-    def _step(self, slopes: Reals, r: Reals, x: Reals, index: int, damping: float) -> Reals:
+    def _linear(self, slopes: Reals, r: Reals, index: int) -> Reals:
+        """Return what imitates a plant best whose change is small."""
         known = 1 / self._free.prior
-        W, w = self._whiten(slopes), self._whiten(r)
+        W = self._whiten(slopes)
         W[:, [k for k in range(W.shape[1]) if self._free.is_plant(k, index)]] = 0.0
         scale = np.sqrt(np.sum(W**2, axis=0) + known**2) + 1e-12
-        M = np.vstack([W / scale, np.diag(known / scale), np.sqrt(damping) * np.eye(x.size)])
-        return np.linalg.lstsq(M, -np.concatenate([w, known * x, np.zeros(x.size)]), rcond=None)[0] / scale
+        M = np.vstack([W / scale, np.diag(known / scale), 1e-5 * np.eye(known.size)])
+        return np.linalg.lstsq(M, -np.concatenate([self._whiten(r), np.zeros(2 * known.size)]), rcond=None)[0] / scale
 
     def _projected(self, r: Reals, slopes: Reals, index: int) -> Reals:
         """Return the residual of rows after a least-squares fit of constants and other sizes with equal weights."""
@@ -175,31 +209,34 @@ class View:
 
 
 class _Free:
-    """The constants that a fitter frees, as relative changes, and the sizes of the effects."""
+    """The constants that a fitter frees, as relative changes or logarithms, and the sizes of the effects."""
 
     def __init__(self, scenario: LabScenario, rival: Plant | None) -> None:
         self.whole, self.rival = scenario, rival
-        self.sizes = [k for k, p in enumerate(scenario.plants) if p.least < p.most and p.scale and not p.minor]
+        self.sizes = [k for k, p in enumerate(scenario.plants) if p.least < p.most and p.scale]
         specimen = scenario.bare.specimen
         self.layers = [layer for layer in specimen.layers if layer.name not in scenario.untold]
         prior = [np.inf] * 6 + [1.0 if specimen.back < _BACKED else 1e-9, 1.0]
         for layer in self.layers:
             prior += [max(u / v, 1e-9) for u, v in zip(layer.u, layer.told, strict=True)]
         self.constants = len(prior)
-        self.prior: Reals = np.array(prior + [np.inf] * (len(self.sizes) + (rival is not None)))
+        prior += [scenario.plants[k].usual if scenario.plants[k].minor else np.inf for k in self.sizes]
+        self.prior: Reals = np.array(prior + [np.inf] * (rival is not None))
         self.size = self.prior.size
-        self.reach: Reals = np.full(self.size, 0.3)
-        """Longest step."""
-        if rival is not None:
-            self.reach[-1] = 1e3
+        self._farthest: Reals = np.full(self.size, np.inf)
+        self._farthest[:6] = 0.5
+        self._farthest[6 : self.constants] = 5.0
+        at = slice(self.constants, self.constants + len(self.sizes))
+        self._farthest[at] = [np.inf if scenario.plants[k].minor else 5.0 for k in self.sizes]
 
     def is_plant(self, column: int, index: int) -> bool:
         """Return whether a column is the size of plant `index`."""
         at = column - self.constants
         return 0 <= at < len(self.sizes) and self.sizes[at] == index
 
-    def moved(self, x: Reals, index: int | None) -> LabScenario:
-        """Return the world moved by x, and without plant `index`."""
+    def moved(self, x: Reals, index: int | None, rest: float = 0.0) -> LabScenario:
+        """Return the world moved by x, and with no more than this `rest` of plant `index`."""
+        x = np.clip(x, -self._farthest, self._farthest)
         specimen = self.whole.bare.specimen
         ceramic = specimen.ceramic
         ceramic = replace(
@@ -208,25 +245,25 @@ class _Free:
             h33=ceramic.h33 * (1 + complex(x[2], x[3])),
             eps33S=ceramic.eps33S * (1 + complex(x[4], x[5])),
         )
-        loads = [
-            max(load + AIR * float(c), 0.0) for load, c in zip((specimen.back, specimen.front), x[6:8], strict=True)
-        ]
+        back, front = specimen.back * float(np.exp(x[6])), specimen.front * float(np.exp(x[7]))
         moved = {layer.name: _moved(layer, x[8 + 4 * k : 12 + 4 * k]) for k, layer in enumerate(self.layers)}
         layers = tuple(moved.get(layer.name, layer) for layer in specimen.layers)
-        specimen = replace(specimen, ceramic=ceramic, layers=layers, back=loads[0], front=loads[1])
+        specimen = replace(specimen, ceramic=ceramic, layers=layers, back=back, front=front)
         bare: LabWorld = replace(self.whole.bare, specimen=specimen)
         plants = list(self.whole.plants)
         for k, change in zip(self.sizes, x[self.constants :], strict=False):
-            plants[k] = replace(plants[k], scale=plants[k].scale * max(1 + float(change), 0.0))
+            # a loss may fall as well as rise with frequency, but nothing else is less than none
+            grown = 1 + float(change) if plants[k].minor else float(np.exp(change))
+            plants[k] = replace(plants[k], scale=plants[k].scale * grown)
         if index is not None:
-            plants[index] = replace(plants[index], scale=0.0)
+            plants[index] = replace(plants[index], scale=rest * plants[index].scale)
         if self.rival is not None:
-            plants.append(replace(self.rival, scale=max(float(x[-1]), 0.0)))
+            plants.append(replace(self.rival, scale=float(x[-1])))
         return LabScenario(bare, tuple(plants))
 
 
 def _moved(layer: LabLayer, x: Reals) -> LabLayer:
-    t, z, c, q = (float(np.exp(np.clip(one, -2, 2))) for one in x)
+    t, z, c, q = (float(np.exp(one)) for one in x)
     return replace(layer, thickness=layer.thickness * t, z=layer.z * z, c=layer.c * c, q=layer.q * q)
 
 
@@ -246,7 +283,7 @@ def _allowances(one: _Thin, analyzer: ErringAnalyzer) -> Reals:
     f, z = one.sweep.frequency, np.exp(one.target)
     u = np.log(f / analyzer.band[0]) / np.log(analyzer.band[1] / analyzer.band[0])
     basis = np.stack([np.cos(n * np.pi * u) / (1 + n) for n in range(_COSINES)], axis=1)
-    gain = _ACCURACY * basis.astype(np.complex128)
+    gain = ACCURACY * basis.astype(np.complex128)
     omega = 2 * np.pi * f
     L, R, skin, C, G = _FIXTURE
     fixture = np.stack(
