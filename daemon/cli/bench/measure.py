@@ -105,6 +105,8 @@ def measure(
 
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
+    from ....drivers import capabilities_of
+    from ...files.builds.build_check import needed_plan
     from ...report.terminal import console
 
     notes = NoteOptions(operator, temperature, mass, batch, barcode, note or ())
@@ -121,10 +123,11 @@ def measure(
         return
     device = _device(build, limits, sample)
     names = _steps(device, step, repeat)
-    plan = _plan(device, build)
+    plan = needed_plan(device, str(build))
     pause = Pause(duration(every, "--every"))
     report = Report(device.name)
     with _kept_on_stop(report), _daemon(resource, analyzer, wanted, time_scale, screen) as (lab, on):
+        capabilities_of(on.instrument.idn).check(plan)  # before anything is glued
         simulated = on.bench is not None
         diagnoser = _diagnoser(lab, device, on.name, screen, yes) if diagnose else None
         for name in names:
@@ -208,13 +211,6 @@ def _steps(device: "Build", step: str | None, repeat: int) -> list[str]:
     if repeat > 1 and step is None and len(names) > 1:
         raise UsageError(f"--repeat {repeat} needs --step; build {device.name!r} has the steps {', '.join(names)}")
     return [step] if step else names
-
-
-def _plan(device: "Build", build: Path | None) -> "SweepPlan":
-    """Return the plan of the build, before anything is started or glued. Raises BuildError."""
-    from ...files.builds.build_check import needed_plan
-
-    return needed_plan(device, str(build))
 
 
 def _exit_by_verdict(report: Report) -> None:

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from command_line import run_here
 
+from pzctl.daemon.files.builds.build_file import THESIS_BUILD
+
 PZCTL = Path(sys.executable).with_name("pzctl")
 
 
@@ -24,6 +26,19 @@ def test_a_series_under_the_name_of_a_sample(tmp_path: Path) -> None:
     (sample,) = json.loads(pzctl(tmp_path, "samples", "--json").stdout)["samples"]
     assert sample["name"] == "X7"
     assert [one["id"] for one in sample["measurements"]] == ids
+
+
+def test_a_plan_beyond_the_analyzer_is_refused_before_anything_is_glued(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    glued: list[object] = []
+    monkeypatch.setattr("pzctl.daemon.cli.bench.measure._prepare", lambda *of: glued.append(of))
+    build = THESIS_BUILD.read_text(encoding="utf-8").split("[sweep]", maxsplit=1)[0]
+    plan = "[sweep]\nsegments = [ { start_MHz = 1, stop_MHz = 200, points = 11 } ]\n"
+    (tmp_path / "far.toml").write_text(build + plan, encoding="utf-8")
+    done = pzctl(tmp_path, "measure", "--build", "far.toml", "--time-scale", "0")
+    assert "stop is 200000000 Hz; a 4294A can do 40 to 110000000 Hz" in done.stderr
+    assert (done.returncode, glued) == (2, [])
 
 
 @pytest.mark.parametrize(
