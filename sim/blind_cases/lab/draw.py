@@ -12,7 +12,7 @@ from .planting import families, layered
 from .planting.alike import with_other_names
 from .planting.imperfections import imperfections
 from .planting.plant import LabScenario, LabWorld, Plant
-from .planting.visible import ACCURACY, Seen, View
+from .planting.visible import ACCURACY, FINDABLE_GAIN, Seen, View
 from .recording import ErringAnalyzer, LabSweep
 from .session import analyzer_of, plan
 
@@ -40,8 +40,6 @@ FAMILIES = (
 
 _DRAWS = 3
 """How often a case is drawn at most until one effect dominates; some never do, because the constants absorb them."""
-FINDABLE_GAIN = 30.0
-"""chi2 gain that a plant needs: noise reaches it with one free size in 4 of 10^8 recordings, with five in 1 of 10^5."""
 DOMINATING_GAIN = 100.0
 """chi2 gain that a dominating plant needs: ten standard deviations."""
 FINDABLE_OVER = 1.0
@@ -102,7 +100,7 @@ def _draw(rng: Random, kind: str, name: str) -> LabSession:
     for k in range(len(plants)):
         view = _grown(rng, view, k, sweeps, analyzer)
     visible = [view.seen(k) for k in range(len(scenario.plants))]
-    scenario = with_other_names(view.scenario, view, max(ACCURACY, analyzer.noise), FINDABLE_GAIN)
+    scenario = with_other_names(view.scenario, view, max(ACCURACY, analyzer.noise))
     return LabSession(name, kind, scenario, sweeps, analyzer, tuple(visible), int(rng.integers(2**31)))
 
 

@@ -13,12 +13,12 @@ from pzctl.sim.blind_cases.lab.devices.flaws import NOTHING, FixtureResidue, Fla
 from pzctl.sim.blind_cases.lab.devices.random_specimen import random_specimen
 from pzctl.sim.blind_cases.lab.devices.specimen import AIR, LabDevice, lossy
 from pzctl.sim.blind_cases.lab.devices.terminals import at_analyzer
-from pzctl.sim.blind_cases.lab.draw import FAMILIES, FINDABLE_GAIN, LabSession, draw_case
+from pzctl.sim.blind_cases.lab.draw import FAMILIES, LabSession, draw_case
 from pzctl.sim.blind_cases.lab.files import make_case
 from pzctl.sim.blind_cases.lab.planting import families, layered
 from pzctl.sim.blind_cases.lab.planting.imperfections import imperfections
 from pzctl.sim.blind_cases.lab.planting.plant import LabScenario, LabWorld, Plant
-from pzctl.sim.blind_cases.lab.planting.visible import ACCURACY, View
+from pzctl.sim.blind_cases.lab.planting.visible import ACCURACY, FINDABLE_GAIN, View
 from pzctl.sim.blind_cases.lab.recording import ErringAnalyzer, LabSweep, shown
 from pzctl.sim.blind_cases.lab.session import plan
 

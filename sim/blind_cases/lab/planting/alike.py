@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from ..devices.specimen import LabDevice
 from .plant import LabScenario, LabWorld, Plant
-from .visible import View
+from .visible import FINDABLE_GAIN, View
 
 Put = Callable[[LabWorld, float], LabWorld]
 
@@ -65,7 +65,7 @@ _RIVALS: dict[str, tuple[Callable[[Plant, LabDevice], Plant], ...]] = {
 _LINE = frozenset({"lead-inductance", "stray-capacitance", "cable"})
 
 
-def with_other_names(scenario: LabScenario, view: View, floor: float, noise_gains: float) -> LabScenario:
+def with_other_names(scenario: LabScenario, view: View, floor: float) -> LabScenario:
     """Return the scenario with all accepted names of its plants; `floor`: change of ln Z that nobody can rely on."""
     plants = list(scenario.plants)
     whole = together({plant.effect for plant in plants})
@@ -76,7 +76,7 @@ def with_other_names(scenario: LabScenario, view: View, floor: float, noise_gain
         for make in _RIVALS.get(plant.effect, ()):
             rival = make(plant, scenario.bare.specimen)
             left = view.with_rival(rival).seen(index)
-            if left.gain < noise_gains or left.moves < floor:
+            if left.gain < FINDABLE_GAIN or left.moves < floor:
                 names.append(rival.effect)
         names = [name for name in names if name != plant.effect]
         plants[index] = replace(plant, accept=tuple(dict.fromkeys(names)))
