@@ -106,9 +106,9 @@ class View:
     def _seen_anew(self, index: int) -> Seen:
         r = self._rows(self._free.moved(np.zeros(self._free.size), index))
         if self._moves(r) < _SMALL:  # small enough for the problem to be linear
-            slopes = self._derivatives()
-            x = self._linear(slopes, r, index)
-            return Seen(self._cost(r + slopes @ x, x), self._moves(self._projected(r + slopes @ x, slopes, index)))
+            slopes = self._without(index, self._derivatives())
+            x = self._linear(slopes, r)
+            return Seen(self._cost(r + slopes @ x, x), self._moves(self._projected(r + slopes @ x, slopes)))
         end = self._imitated(index)
         even = self._fit(end.x, index, 0.0, _ROUNDS, even=True)
         return Seen(2 * float(end.cost), self._moves(self._rows(self._free.moved(even.x, index))))
@@ -145,8 +145,7 @@ class View:
             return np.concatenate([weighted(r), x / self._free.prior])
 
         def slopes(x: Reals) -> Reals:
-            W = weighted(self._derivatives_at(x, index, rest))
-            W[:, [k for k in range(x.size) if self._free.is_plant(k, index)]] = 0.0
+            W = weighted(self._without(index, self._derivatives_at(x, index, rest)))
             return np.vstack([W, np.diag(1 / self._free.prior)])
 
         return least_squares(residuals, x, slopes, method="lm", x_scale="jac", ftol=_SETTLED, max_nfev=rounds)
@@ -180,20 +179,21 @@ class View:
                 slopes[:, k] = (self._rows(self._free.moved(moved, index, rest), not full) - at) / _STEP
         return np.nan_to_num(slopes)  # a size at 0 may have no derivative
 
-    def _linear(self, slopes: Reals, r: Reals, index: int) -> Reals:
-        """Return what imitates a plant best whose change is small."""
+    def _without(self, index: int, slopes: Reals) -> Reals:
+        """Return derivatives without those by the size of a plant, which shall not imitate itself."""
+        return slopes * [not self._free.is_plant(k, index) for k in range(self._free.size)]
+
+    def _linear(self, slopes: Reals, r: Reals) -> Reals:
+        """Return what imitates best what changes little."""
         known = 1 / self._free.prior
         W = self._whiten(slopes)
-        W[:, [k for k in range(W.shape[1]) if self._free.is_plant(k, index)]] = 0.0
         scale = np.sqrt(np.sum(W**2, axis=0) + known**2) + 1e-12
         M = np.vstack([W / scale, np.diag(known / scale), 1e-5 * np.eye(known.size)])
         return np.linalg.lstsq(M, -np.concatenate([self._whiten(r), np.zeros(2 * known.size)]), rcond=None)[0] / scale
 
-    def _projected(self, r: Reals, slopes: Reals, index: int) -> Reals:
+    def _projected(self, r: Reals, slopes: Reals) -> Reals:
         """Return the residual of rows after a least-squares fit of constants and other sizes with equal weights."""
-        taken = [k for k in range(slopes.shape[1]) if self._free.is_plant(k, index)]
         W = slopes * self._sigmas[:, None]
-        W[:, taken] = 0.0
         width = np.maximum(np.linalg.norm(W, axis=0), 1e-12)
         known = np.minimum(1 / (self._free.prior * width), 1e6) * self._typical
         M = np.vstack([W / width, np.diag(known)])
