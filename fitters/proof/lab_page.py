@@ -26,7 +26,7 @@ passive layer and of a circuit are the same as in the models: there is one natur
 What a planted effect *moves* is the root mean square of what is left of ln Z when all free constants and the sizes of
 the other effects have imitated it as well as they can; what it *gains* the chi2 that is left of it where smooth gain
 and phase within 0.1 % and 1 mrad and the fixture's residue help, too. *Findable* is one that gains 30 or more and
-moves at least what the largest imperfection moves; *dominating* the one that moves most, if it gains 100 and moves
+moves at least 1e-3, the analyzer's accuracy; *dominating* the one that moves most, if it gains 100 and moves
 three times that. No number of the diagnosis enters. A name counts as said from a probability of 0.5, as said for sure
 from 0.9. Intervals behind figures are Wilson's, 95 %; constants of one case are not independent, so theirs are too
 narrow."""
