@@ -36,8 +36,9 @@ docs-version: docs ## put the guides of this version beside those of earlier one
 
 errors: .venv/ready ## run the tests and list in docs/errors.md every sentence that they provoke
 	rm -f docs/provoked.jsonl
-	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist worksteal
+	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist worksteal --deselect tests/test_docs.py::test_nearly_every_sentence_is_provoked_by_a_test
 	$(BIN)/python docs/tools/errors_page.py docs/errors.md
+	$(BIN)/pytest -q tests/test_docs.py
 
 pictures: .venv/ready ## regenerate the screenshots of page and terminal in docs/pictures
 	PZCTL_SCREENSHOTS=docs/pictures $(BIN)/pytest -q tests/daemon/page/test_page_browser.py tests/daemon/cli/test_terminal.py -k "button or hand or missing_effect or picture"
