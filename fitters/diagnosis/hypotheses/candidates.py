@@ -11,8 +11,13 @@ from ....models.effects import Device, Effect, EffectParameter
 from ....models.effects.base.effect import SWEEP, TERMINALS, interfaces, is_bare_front
 from ....models.stack import Stack
 from ...user_effects import every_effect
+from ..decision_rules import SHARP
 from .instrument_artefacts import ANY, FLAWS
 from .problem import Candidate, Problem
+
+_FLANK = 2 / SHARP
+"""How far outside the band a sharp resonance is looked for, relative to its end: two widths of the broadest one. There
+its flank is still curved; further away it is a capacitance or a stiffness."""
 
 
 def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
@@ -53,7 +58,8 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
         effect_parameters = effect.parameters_in(device.bare, device.reference, where)
         if not effect_parameters:
             continue
-        effect_parameters = tuple(_recorded(problem, knob) for knob in effect_parameters)
+        beyond = _FLANK if any(knob.name == "q" and knob.upper > SHARP for knob in effect_parameters) else 0.0
+        effect_parameters = tuple(_recorded(problem, knob, beyond) for knob in effect_parameters)
         open_steps = [step for step in steps if not _is_known(devices[step], effect, where)]
         if effect.from_later_step:
             groups = [tuple(open_steps[k:]) for k in range(1, len(open_steps))]
@@ -90,8 +96,11 @@ def step_groups(where: str, steps: Sequence[str]) -> list[tuple[str, ...]]:
     return [tuple(steps), *single] if where in (SWEEP, ANY) and len(steps) > 1 else [tuple(steps)]
 
 
-def _recorded(problem: Problem, knob: EffectParameter) -> EffectParameter:
-    """Return a parameter with its value from the settings; a frequency is limited to the recorded band."""
+def _recorded(problem: Problem, knob: EffectParameter, beyond: float) -> EffectParameter:
+    """Return a parameter with its value from the settings; a frequency is limited to the recorded band.
+
+    `beyond`: how far it may lie outside, relative to the end of the band.
+    """
     if knob.setting:
         said = (recording.sweep.settings.get(knob.setting) for recording in problem.recordings)
         known = next((float(value) for value in said if value is not None), knob.null)
@@ -100,4 +109,5 @@ def _recorded(problem: Problem, knob: EffectParameter) -> EffectParameter:
         return knob
     low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
     high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
-    return replace(knob, lower=low, upper=high, null=float(np.clip(knob.null, 1.01 * low, 0.99 * high)))
+    null = float(np.clip(knob.null, 1.01 * low, 0.99 * high))
+    return replace(knob, lower=low * (1 - beyond), upper=high * (1 + beyond), null=null)
