@@ -17,7 +17,7 @@ class Capabilities:
     """The capabilities of an analyzer. Ranges are (lowest, highest), both included."""
 
     model: str
-    """Name of the model, as in `a 4294A can do`."""
+    """Name of the model, as in `the 4294A can do`."""
     frequency_Hz: tuple[float, float]
     oscillator_V: tuple[float, float]
     """rms."""
@@ -94,11 +94,11 @@ class Capabilities:
         """Raise PlanError if `value` is not between `ends`."""
         low, high = ends
         if not low <= value <= high:  # true for NaN too
-            raise PlanError(f"{what} is {value:.12g} {unit}; a {self.model} can do {low:.12g} to {high:.12g} {unit}")
+            raise PlanError(f"{what} is {value:.12g} {unit}; the {self.model} can do {low:.12g} to {high:.12g} {unit}")
 
     def _whole(self, what: str, value: int, low: int, high: int) -> None:
         if value != int(value) or not low <= value <= high:
-            raise PlanError(f"{what} is {value}; a {self.model} can do {low} to {high}, whole numbers")
+            raise PlanError(f"{what} is {value}; the {self.model} can do {low} to {high}, whole numbers")
 
 
 def named_segments(plan: SweepPlan) -> tuple[tuple[str, Segment], ...]:

@@ -37,7 +37,7 @@ def test_a_plan_beyond_the_analyzer_is_refused_before_anything_is_glued(
     plan = "[sweep]\nsegments = [ { start_MHz = 1, stop_MHz = 200, points = 11 } ]\n"
     (tmp_path / "far.toml").write_text(build + plan, encoding="utf-8")
     done = pzctl(tmp_path, "measure", "--build", "far.toml", "--time-scale", "0")
-    assert "stop is 200000000 Hz; a 4294A can do 40 to 110000000 Hz" in done.stderr
+    assert "stop is 200000000 Hz; the 4294A can do 40 to 110000000 Hz" in done.stderr
     assert (done.returncode, glued) == (2, [])
 
 

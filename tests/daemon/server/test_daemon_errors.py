@@ -49,7 +49,7 @@ def test_what_a_daemon_cannot_do(as_for_users, start_daemon, build: Build, tmp_p
         one = lab.measure(build, "disk")
         sweeps = tuple(sweep.id for sweep in one.sweeps)
         assert build.plan is not None
-        with pytest.raises(DaemonError, match="bandwidth is 9; a 4294A can do 1 to 5"):
+        with pytest.raises(DaemonError, match="bandwidth is 9; the 4294A can do 1 to 5"):
             lab.begin(build, "disk", replace(build.plan, bandwidth=9))
         cancelled = [lab.begin(build, "disk") for _ in range(20)][-1]
         lab.cancel(cancelled)

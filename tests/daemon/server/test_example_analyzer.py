@@ -72,7 +72,7 @@ def test_the_daemon_measures_with_it(start_daemon, build: Build, resource: str) 
             build, "disk", SweepPlan((Segment(1e6, 2e6, 5), Segment(3e6, 4e6, 5)), joined=True)
         ).sweeps
         assert joined.frequency.size == 10
-        with pytest.raises(DaemonError, match="stop is 20000000 Hz; a Z1000 can do 1000 to 10000000 Hz"):
+        with pytest.raises(DaemonError, match="stop is 20000000 Hz; the Z1000 can do 1000 to 10000000 Hz"):
             lab.measure(build, "disk", SweepPlan((Segment(1e6, 20e6),)))
         with pytest.raises(DaemonError, match=r"oscillator is 0\.001 A; a Z1000 can only be set in volts"):
             lab.measure(build, "disk", SweepPlan(plan.segments, oscillator_A=1e-3))

@@ -18,19 +18,19 @@ FINE = Segment(1e6, 6e6)
 @pytest.mark.parametrize(
     ("plan", "words"),
     [
-        (SweepPlan((Segment(39.9, 1e6),)), r"start is 39\.9 Hz; a 4294A can do 40 to 110000000 Hz"),
+        (SweepPlan((Segment(39.9, 1e6),)), r"start is 39\.9 Hz; the 4294A can do 40 to 110000000 Hz"),
         (SweepPlan((FINE, Segment(1e6, 140e6))), r"segment 2: stop is 140000000 Hz; .* 40 to 110000000 Hz"),
         (SweepPlan((Segment(109.9999e6, 110e6, 3, "log"),)), r"start is 109999900 Hz; .* 40 to 109999800 Hz"),
-        (SweepPlan((Segment(41, 59, 3, "log"),)), r"stop is 59 Hz; a 4294A can do 60 to"),
+        (SweepPlan((Segment(41, 59, 3, "log"),)), r"stop is 59 Hz; the 4294A can do 60 to"),
         (SweepPlan((Segment(1e6, 1000000.5, 801),)), r"0\.000625 Hz apart; at least 0\.002 Hz"),
-        (SweepPlan((FINE,), oscillator_V=1.5), r"oscillator is 1\.5 V; a 4294A can do 0\.005 to 1 V"),
+        (SweepPlan((FINE,), oscillator_V=1.5), r"oscillator is 1\.5 V; the 4294A can do 0\.005 to 1 V"),
         (SweepPlan((FINE,), oscillator_V=float("nan")), "oscillator is nan V"),
-        (SweepPlan((FINE,), oscillator_A=0.1), r"oscillator is 0\.1 A; a 4294A can do 0\.0002 to 0\.02 A"),
-        (SweepPlan((FINE,), point_delay_s=31), r"point delay is 31 s; a 4294A can do 0 to 30 s"),
-        (SweepPlan((FINE,), bandwidth=6), r"bandwidth is 6; a 4294A can do 1 to 5"),
-        (SweepPlan((FINE,), point_average=0), "point averaging is 0; a 4294A can do 1 to 256"),
-        (SweepPlan((FINE,), sweep_average=257), "sweep averaging is 257; a 4294A can do 1 to 256"),
-        (SweepPlan((FINE,), bias_V=-41), r"bias is -41 V; a 4294A can do -40 to 40 V"),
+        (SweepPlan((FINE,), oscillator_A=0.1), r"oscillator is 0\.1 A; the 4294A can do 0\.0002 to 0\.02 A"),
+        (SweepPlan((FINE,), point_delay_s=31), r"point delay is 31 s; the 4294A can do 0 to 30 s"),
+        (SweepPlan((FINE,), bandwidth=6), r"bandwidth is 6; the 4294A can do 1 to 5"),
+        (SweepPlan((FINE,), point_average=0), "point averaging is 0; the 4294A can do 1 to 256"),
+        (SweepPlan((FINE,), sweep_average=257), "sweep averaging is 257; the 4294A can do 1 to 256"),
+        (SweepPlan((FINE,), bias_V=-41), r"bias is -41 V; the 4294A can do -40 to 40 V"),
     ],
 )
 def test_the_plan_is_refused_in_one_sentence(plan, words):

@@ -116,7 +116,7 @@ def test_a_compensation_takes_the_jig_away_and_is_given_back(sim: Simulator, ana
 @pytest.mark.parametrize(
     ("plan", "says"),
     [
-        (SweepPlan((Segment(10, 6e6),)), "start is 10 Hz; a E4990A can do 20 to 120000000 Hz"),
+        (SweepPlan((Segment(10, 6e6),)), "start is 10 Hz; the E4990A can do 20 to 120000000 Hz"),
         (SweepPlan((Segment(1e6, 6e6, 1602),)), "has 1602 points; an E4990A sweeps at most 1601"),
         (SweepPlan((Segment(1e6, 6e6),), oscillator_A=1e-3), "can only be set in volts"),
         (SweepPlan((Segment(1e6, 6e6),), point_delay_s=1), "point delay is 1 s"),
