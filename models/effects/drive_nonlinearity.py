@@ -1,29 +1,16 @@
 """`drive-nonlinearity`: the resonance curve bends with the oscillator level."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from math import pi, sqrt
 
-import numpy as np
-
-from ..base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ..stack import Piezo, Stack
-from .base.assembly import Assembly, Record
+from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
-from .base.modified_laws import Factor, with_stiffness_law
 from .base.scale import active, reactance
+from .base.softening import RAYLEIGH, Softening
 
 _USUAL_SOURCE = 25.0
 """Source resistance, ohm, of a recording that does not state it."""
-_RAYLEIGH = 4 / (3 * pi)
-"""Loss per softening of a Rayleigh loop."""
-_ROUNDS = 25
-_MOST = 0.3
-"""Largest relative loss of stiffness; the model is not valid beyond."""
-_SLIGHTLY = 1e-7
-"""Relative step of derivatives."""
-_LEAST_STABLE = 0.1
-"""Least stability (`_Agreed`) with which derivatives are computed: at a jump they have no bound."""
 _USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
 """V rms, and a relative softening at resonance that would matter."""
 
@@ -49,7 +36,7 @@ class DriveNonlinearity(Effect):
         """
         return (
             EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
-            EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
+            EffectParameter("loss", "1", typical=0.4, upper=3.0, null=RAYLEIGH, prior=(RAYLEIGH, 0.3)),
             EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=_USUAL_SOURCE, setting="source_ohm"),
         )
 
@@ -57,140 +44,7 @@ class DriveNonlinearity(Effect):
         """Return the device as recorded by a sweep at its level."""
         if values["softening"] <= 0:
             return assembly
-        return assembly.recorded(_Bent(layer_at(where), values["softening"], values["loss"], values["source"]))
-
-
-@dataclass(frozen=True, eq=False)
-class _Softened:
-    """A device with a softening per frequency, and the softening by the strain that it has then."""
-
-    Z: Impedances
-    """Steady impedance, ohm, shape (N,)."""
-    wanted: Reals
-    """Shape (N,)."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Agreed:
-    """The softening of a device that its own strain causes."""
-
-    soft: Reals
-    """Shape (N,)."""
-    there: _Softened
-    by_soft: Complexes
-    """d ln Z / d soft, shape (N,)."""
-    stability: Reals
-    """1 - d wanted / d soft: where it is zero the curve bends back, and the reading jumps; shape (N,)."""
-
-    def follows(self, wanted: Reals) -> Complexes:
-        """Return the change of ln Z by that of the softening, if at a fixed one it changes by `wanted`, shape (..., N).
-
-        Nothing changes where it is as large as the model allows.
-        """
-        return self.by_soft * np.where(self.there.wanted < _MOST, wanted / self.stability, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Bent(Record):
-    """The stiffness at each point is that at the strain there."""
-
-    layer: str
-    softening: float
-    """Relative, per strain."""
-    loss: float
-    """Per softening."""
-    source: float
-    """Resistance, ohm."""
-    _agreed: list[tuple[Assembly, Frequencies, _Agreed]] = field(
-        default_factory=list[tuple[Assembly, Frequencies, _Agreed]], init=False, repr=False
-    )
-    """One-entry cache of the softening, by device and frequency."""
-
-    def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
-        """Return the recorded impedance over the steady one, shape (N,)."""
-        return self._at_rest(device, frequency).there.Z / device.steady(frequency)
-
-    def slopes(self, device: Assembly, frequency: Frequencies, names: Sequence[str], at_rest: Complexes) -> Complexes:
-        """Return d ln factor / d parameter, shape (P, N): at a fixed softening, and by what it changes."""
-        agreed = self._at_rest(device, frequency)
-        softer = self._softer(device, agreed.soft)
-        _, slopes = softer.steady_jacobian(frequency, names)
-        by_strain = self._strain_slopes(softer, frequency, names, slopes)
-        return slopes + agreed.follows(agreed.there.wanted * by_strain) - at_rest
-
-    def change(self, device: Assembly, other: Record, moved: Assembly, frequency: Frequencies) -> Complexes:
-        """Return the change of ln factor, shape (N,): at a fixed softening, and by what it changes."""
-        if not isinstance(other, _Bent):
-            return super().change(device, other, moved, frequency)
-        agreed = self._at_rest(device, frequency)
-        there = other.softened(moved, frequency, agreed.soft)
-        fixed = there.Z / agreed.there.Z - moved.steady(frequency) / device.steady(frequency)
-        return fixed + agreed.follows(there.wanted - agreed.there.wanted)
-
-    def _at_rest(self, device: Assembly, frequency: Frequencies) -> _Agreed:
-        """Return the softening where it no longer changes, shape (N,)."""
-        for last, where, known in self._agreed:
-            if last is device and where is frequency:
-                return known
-        soft = _self_consistent(lambda soft: self.softened(device, frequency, soft).wanted, frequency.size)
-        there, near = (self.softened(device, frequency, one) for one in (soft, soft + _SLIGHTLY))
-        by_soft = (near.Z / there.Z - 1) / _SLIGHTLY
-        stability = 1 - (near.wanted - there.wanted) / _SLIGHTLY
-        made = _Agreed(soft, there, by_soft, np.maximum(stability, _LEAST_STABLE))
-        if not frequency.flags.writeable:
-            self._agreed[:] = [(device, frequency, made)]
-        return made
-
-    def _softer(self, device: Assembly, soft: Reals) -> Assembly:
-        """Return the device with the layer's stiffness times 1 - soft (1 - j loss), shape (N,)."""
-        factor, name = np.add(1 - soft, 1j * self.loss * soft), self.layer
-        softer = device.each_stack(lambda stack: with_stiffness_law(stack, name, lambda law: Factor(law, factor)))
-        return device.with_parts(softer.parts)
-
-    def softened(self, device: Assembly, frequency: Frequencies, soft: Reals) -> _Softened:
-        """Return the device with this softening, and the softening by its strain then."""
-        softer = self._softer(device, soft)
-        Z = softer.steady(frequency)
-        stack, disk = softer.stack, self._disk(softer.stack)
-        charge = _field_of_charge(stack, disk, frequency, stack.impedance(frequency))
-        voltage = sqrt(2) * device.conditions.level_V * np.abs(Z / (Z + self.source))
-        strain = voltage / disk.thickness * np.abs((charge - 1) / disk.field_per_strain(frequency))
-        return _Softened(Z, np.minimum(_MOST, self.softening * strain))
-
-    def _disk(self, stack: Stack) -> Piezo:
-        return next(one for one in stack.layers if isinstance(one, Piezo) and one.name == self.layer)
-
-    def _strain_slopes(
-        self, softer: Assembly, frequency: Frequencies, names: Sequence[str], slopes: Complexes
-    ) -> Reals:
-        """Return d ln strain / d parameter at a fixed softening, shape (P, N); `slopes`: d ln Z of the device."""
-        stack, disk, Z = softer.stack, self._disk(softer.stack), softer.steady(frequency)
-        part = max(softer.parts, key=lambda one: one.fraction)
-        made = np.real(slopes * (self.source / (Z + self.source)))  # of the voltage
-        moved = part.moved_by(names)
-        own = [name for _, name, _ in moved if name in stack.names]
-        Z1, of_stack = stack.jacobian(frequency, own)
-        charge = _field_of_charge(stack, disk, frequency, Z1)
-        here = disk.thickness, disk.clamped_elastance(frequency), disk.field_per_strain(frequency)
-        rows, values = iter(of_stack), stack.parameters()
-        for k, name, scale in moved:
-            if name not in stack.names:
-                continue  # of a distribution of thickness: the strain is that of the mean thickness
-            whole = f"{name.removesuffix('.im')}.re" if name.endswith(".im") else name  # a loss may be zero
-            step = _SLIGHTLY * values[whole]
-            other = stack.replace({name: values[name] + step})
-            layer = self._disk(other)
-            there = layer.thickness, layer.clamped_elastance(frequency), layer.field_per_strain(frequency)
-            thickness, elastance, field_per_strain = (np.divide(b, a) - 1 for a, b in zip(here, there, strict=True))
-            by_area = other.area / stack.area - 1
-            by_charge = charge / (charge - 1) * ((elastance - by_area) / step - next(rows))
-            made[k] += scale * np.real(by_charge - (thickness + field_per_strain) / step)
-        return made
-
-
-def _field_of_charge(stack: Stack, disk: Piezo, frequency: Frequencies, Z: Impedances) -> Complexes:
-    """Return the field of the charge over that of the voltage, shape (N,): V = t (D/eps - h S), current jw D A."""
-    return np.asarray(disk.clamped_elastance(frequency) / (j_omega(frequency) * stack.area * Z), np.complex128)
+        return assembly.recorded(Softening(layer_at(where), values["softening"], values["loss"], values["source"]))
 
 
 def _usual_strain(stack: Stack) -> float:
@@ -201,23 +55,6 @@ def _usual_strain(stack: Stack) -> float:
     coupling = abs(disk.h33) * per_field  # kt^2
     R = pi**2 / 8 * reactance(stack) / max(coupling * Q, 1e-3)
     return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + _USUAL_SOURCE)
-
-
-def _self_consistent(wanted: Callable[[Reals], Reals], points: int) -> Reals:
-    """Solve for the softening consistent with its own strain, shape (points,), by damped secant steps."""
-    before = np.zeros(points)
-    missing_before = wanted(before)
-    soft = 0.5 * missing_before
-    for _ in range(_ROUNDS):
-        missing = wanted(soft) - soft
-        if np.max(np.abs(missing)) < 1e-10:
-            break
-        slope = (missing - missing_before) / np.where(soft == before, 1.0, soft - before)
-        # if strain hardly depends on softening the slope is -1; a bent resonance makes it steeper or reverses its sign
-        step = np.where((slope < -0.5) & (soft != before), missing / -np.minimum(slope, -0.5), 0.5 * missing)
-        before, missing_before = soft, missing
-        soft = np.clip(soft + step, 0.0, _MOST)
-    return soft
 
 
 EFFECT = DriveNonlinearity()

@@ -1,15 +1,14 @@
 """`temperature-drift`: the device drifts while the sweep runs, or between segments."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 
 import numpy as np
 
-from ..base.arrays import Complexes, Frequencies, Reals
-from ..stack import Piezo, Stack
-from .base.assembly import Assembly, ParallelSection, Record
+from ..base.arrays import Reals
+from ..stack import Stack
+from .base.assembly import Assembly
+from .base.drifting import Course, Drifting, Drifts
 from .base.effect import SWEEP, Effect, EffectParameter, Stage
-from .base.modified_laws import Factor
 from .base.scale import active
 
 _STEADY = 1e3
@@ -52,55 +51,14 @@ class TemperatureDrift(Effect):
         if speed == 0 and permittivity == 0:
             return assembly
 
-        return assembly.recorded(_Drifting(2 * speed, permittivity, time))
+        def course(elapsed: Reals) -> Reals:
+            return np.asarray(np.expm1(-elapsed / time) / np.expm1(-1 / time), np.float64)
 
-
-@dataclass(frozen=True, eq=False)
-class _Drifting(Record):
-    """Every point is that of a device at its own instant: constants that depend on frequency in this sweep."""
-
-    stiffness: float
-    """Relative change over the step's first sweep."""
-    permittivity: float
-    time: float
-    """Time constant, in durations of that sweep."""
-
-    def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
-        """Return Z as recorded over Z, shape (N,)."""
-        steady = device.steady(frequency)
-        return self._moved(device, frequency).steady(frequency) / steady
-
-    def slopes(self, device: Assembly, frequency: Frequencies, names: Sequence[str], at_rest: Complexes) -> Complexes:
-        """Return d ln factor / d parameter, shape (P, N)."""
-        return self._moved(device, frequency).steady_jacobian(frequency, names)[1] - at_rest
-
-    def _moved(self, device: Assembly, frequency: Frequencies) -> Assembly:
-        """Return the device with what its constants are at each point."""
-        tau = np.expm1(-device.conditions.elapsed(frequency.size) / self.time) / np.expm1(-1 / self.time)
-        factors = _complex(1 + self.stiffness * tau), _complex(1 + self.permittivity * tau)
-        stiffness = f"{active(device.nominal).name}.c33D.re"
-
-        def moved(part: ParallelSection) -> ParallelSection:
-            # a layer that an effect has cut in two drifts as a whole
-            own = {name.partition(".")[0] for _, name, _ in part.moved_by([stiffness])}
-            return replace(part, stack=_with_factors(part.stack, own, *factors))
-
-        return device.with_parts(tuple(map(moved, device.parts)))
-
-
-def _with_factors(stack: Stack, names: Collection[str], stiffness: Complexes, permittivity: Complexes) -> Stack:
-    """Return a stack whose piezoelectric layers of these names have constants times these factors, shape (N,)."""
-    layers = (
-        replace(layer, c_law=Factor(layer.c_law, stiffness), eps_law=Factor(layer.eps_law, permittivity))
-        if isinstance(layer, Piezo) and layer.name in names
-        else layer
-        for layer in stack.layers
-    )
-    return replace(stack, layers=tuple(layers))
-
-
-def _complex(values: Reals) -> Complexes:
-    return np.asarray(values, np.complex128)
+        courses: Mapping[Drifts, Course] = {
+            "stiffness": lambda elapsed: 2 * speed * course(elapsed),
+            "permittivity": lambda elapsed: permittivity * course(elapsed),
+        }
+        return assembly.recorded(Drifting(active(assembly.nominal).name, courses))
 
 
 EFFECT = TemperatureDrift()

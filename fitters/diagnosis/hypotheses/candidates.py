@@ -96,17 +96,22 @@ def step_groups(where: str, steps: Sequence[str]) -> list[tuple[str, ...]]:
     return [tuple(steps), *single] if where in (SWEEP, ANY) and len(steps) > 1 else [tuple(steps)]
 
 
+def as_set(problem: Problem, knob: EffectParameter) -> EffectParameter:
+    """Return a parameter with its value from the settings of the recordings, if it is one."""
+    if not knob.setting:
+        return knob
+    said = (recording.sweep.settings.get(knob.setting) for recording in problem.recordings)
+    known = next((float(value) for value in said if value is not None), knob.null)
+    return replace(knob, null=float(np.clip(known, knob.lower, knob.upper)))
+
+
 def _recorded(problem: Problem, knob: EffectParameter, beyond: float) -> EffectParameter:
     """Return a parameter with its value from the settings; a frequency is limited to the recorded band.
 
     `beyond`: how far it may lie outside, relative to the end of the band.
     """
-    if knob.setting:
-        said = (recording.sweep.settings.get(knob.setting) for recording in problem.recordings)
-        known = next((float(value) for value in said if value is not None), knob.null)
-        return replace(knob, null=float(np.clip(known, knob.lower, knob.upper)))
     if knob.name != "frequency" or knob.unit != "Hz":
-        return knob
+        return as_set(problem, knob)
     low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
     high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
     null = float(np.clip(knob.null, 1.01 * low, 0.99 * high))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....models.base.arrays import Complexes, Frequencies, Reals
+from ....models.effects import Device
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
@@ -60,17 +61,20 @@ def drawn(
 
 def drawn_law(effect: LearnedLaw, one: Candidate, made: Hypothesis) -> PlacedCorrection:
     """Return the correction of a fitted law, the last effect of a hypothesis, as a function of frequency."""
-    frequency = np.geomspace(*effect.band, _SHOWN)
     coordinates, x = made.objective.coordinates, made.fit.x
     at = [coordinates.free.index(name) for name in one.parameters]
+    shown = next(own for own in made.objective.recordings if own.step in one.steps)
+    if not isinstance(shown.model, Device):
+        raise TypeError(f"no effect in {type(shown.model).__name__}")
+    device, swept = shown.model.assembly, shown.sweep.frequency
 
-    def correction(x: Reals) -> Complexes:
+    def drawn_with(x: Reals) -> tuple[Frequencies, Complexes]:
         values, _ = coordinates.forward(x)
         own = {knob.name: values[name] for name, knob in zip(one.parameters, one.effect_parameters, strict=True)}
-        return effect.correction(own)(frequency)
+        return effect.drawn(own, device, swept, _SHOWN)
 
-    here = correction(x)
-    columns = np.stack([(correction(x + _TINY * np.eye(x.size)[k]) - here) / _TINY for k in at], axis=1)
+    frequency, here = drawn_with(x)
+    columns = np.stack([(drawn_with(x + _TINY * np.eye(x.size)[k])[1] - here) / _TINY for k in at], axis=1)
     covariance = spread_of(made.fit).about_the_minimum[np.ix_(at, at)]
     u_re, u_im = _spread(columns.real, covariance), _spread(columns.imag, covariance)
     quantity = "impedance" if effect.place.quantity == "load" else effect.place.quantity

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....models.effects.learned.laws import laws
+from ....models.effects.learned.sweep_laws import laws_of_sweeps
 from ...error_model.prior_scales import LEFT_AT_MOST
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
@@ -26,7 +27,10 @@ class Explanation:
 
         A law is as probable beforehand as a catalogue effect at its place, shared among all laws there.
         """
-        forms = 1 if self.law is None else len(laws(self.law.placed.place.quantity))
+        forms = 1
+        if self.law is not None:
+            quantity = self.law.placed.place.quantity
+            forms = len(laws(quantity)) + len(laws_of_sweeps(quantity))
         return self.hypothesis.log_evidence / temper + self.hypothesis.log_odds - float(np.log(forms))
 
 
@@ -71,11 +75,17 @@ class Choice:
 
 
 def enough(explanations: Sequence[Explanation], parent: Hypothesis) -> list[Explanation]:
-    """Return the laws beside some of a parent's effects that leave no more than noise and the usual errors."""
+    """Return the laws beside some of a parent's effects that leave no more than noise and what good devices leave.
+
+    Next to a sharp resonance, rough errors of a usual size describe some per cent of ln Z, which may have a law, too.
+    """
     return [
         one
         for one in explanations
-        if one.law is not None and one.parent.key <= parent.key and one.hypothesis.fit.shortfall == 0
+        if one.law is not None
+        and one.parent.key <= parent.key
+        and one.hypothesis.fit.shortfall == 0
+        and one.hypothesis.unexplained <= LEFT_AT_MOST
     ]
 
 

@@ -8,9 +8,11 @@ import numpy as np
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.laws import Law
 from ....models.effects.learned.learned import LearnedLaw
+from ....models.effects.learned.sweep_laws import SweepLaw, laws_of_sweeps
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes
 from ...interface import UNCOMPUTABLE
+from ..hypotheses.candidates import as_set
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 from .drawn_corrections import PlacedCorrection
@@ -50,9 +52,13 @@ def law_candidate(
 ) -> tuple[LearnedLaw, Candidate]:
     """Return a law as a further effect of these steps, with its frequencies in their recorded band."""
     stack = stack_of(problem.recordings[-1].model)
+    number = number_at(problem, parent, place.where)
+    if law in laws_of_sweeps(place.quantity):
+        swept = SweepLaw(place, law, stack, number)
+        return swept, Candidate(swept, place.where, steps, tuple(as_set(problem, knob) for knob in law.parameters))
     ends = [recording.sweep.frequency[[0, -1]] for recording in problem.recordings if recording.step in steps]
     band = min(float(end[0]) for end in ends), max(float(end[1]) for end in ends)
-    effect = LearnedLaw(place, law, stack, band=band, number=number_at(problem, parent, place.where))
+    effect = LearnedLaw(place, law, stack, band=band, number=number)
     return effect, Candidate(effect, place.where, steps, effect.effect_parameters(stack, place.where))
 
 

@@ -1,11 +1,19 @@
-"""Smooth laws that plain least squares find: some change a device by more than a correction to first order shows."""
+"""Smooth laws that plain least squares find: some change a device by more than a correction to first order shows.
+
+So are those of a sweep found, which no correction over frequency shows.
+"""
 
 from collections.abc import Callable
 
 from ....models.effects import EffectParameter
-from ....models.effects.learned.laws import laws
+from ....models.effects.base.effect import SWEEP
+from ....models.effects.learned.corrections import Place
+from ....models.effects.learned.laws import Law, laws
+from ....models.effects.learned.sweep_laws import IN_TIME, swept_places
+from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes
 from ...interface import UNCOMPUTABLE
+from ..hypotheses.candidates import step_groups
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Problem
 from .drawn_corrections import drawn_law
@@ -26,8 +34,7 @@ def plainly_better_laws(
     """
     progress("trying smooth laws of all places by plain least squares")
     found: list[tuple[float, Made]] = []
-    forms = [(place, steps, law) for place, steps in all_places(problem, loads=True) for law in laws(place.quantity)]
-    for place, steps, law in forms:
+    for place, steps, law in _forms(problem):
         sharp = any(knob.name in ("delay", "q") for knob in law.parameters)
         if sharp or has_already(problem, parent, place, steps, law):
             continue
@@ -41,6 +48,15 @@ def plainly_better_laws(
     best = sorted(found, key=lambda one: one[0])[:_ROUGHLY]
     better = [one for left, one in best if left < left_by(residual)]
     return tuple(law for one in better for law in _from_plain(problem, parent, one))
+
+
+def _forms(problem: Problem) -> list[tuple[Place, tuple[str, ...], Law]]:
+    """Return every law at every place, with the steps that have it; what happened in a sweep may be of one step."""
+    found = [(place, steps, law) for place, steps in all_places(problem, loads=True) for law in laws(place.quantity)]
+    for place, law in swept_places(stack_of(problem.recordings[-1].model)):
+        groups = step_groups(SWEEP, problem.steps) if law in IN_TIME else [problem.steps]
+        found += [(place, steps, law) for steps in groups]
+    return found
 
 
 def _middle(knob: EffectParameter) -> float:

@@ -73,8 +73,7 @@ def _twins(other: Problem, found: Candidate) -> list[Candidate]:
 def _effect_of(other: Problem, effect: Effect) -> Effect:
     """Return an effect for another sample; a learned law has its size at the same frequency there."""
     if isinstance(effect, LearnedLaw):
-        stack = stack_of(other.recordings[-1].model)
-        return LearnedLaw(effect.place, effect.law, stack, effect.reference, number=effect.number)
+        return effect.in_stack(stack_of(other.recordings[-1].model))
     return effect
 
 

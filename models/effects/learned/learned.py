@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...base.arrays import Complexes, Frequencies
 from ...base.errors import PzctlError
 from ...base.names import among
 from ...base.uncertain_numbers import with_uncertainty
@@ -59,6 +60,10 @@ class LearnedLaw(Effect):
         self.reference = reference or resonance(stack)
         self.natural, self.unit = natural_size(stack, place.quantity)
 
+    def in_stack(self, stack: Stack) -> "LearnedLaw":
+        """Return the same law in another stack; it has its size at the same frequency there."""
+        return LearnedLaw(self.place, self.law, stack, self.reference, number=self.number)
+
     @property
     def law_name(self) -> str:
         """What it corrects and the law of it."""
@@ -102,6 +107,13 @@ class LearnedLaw(Effect):
         """Return the correction with these parameters as a function of frequency in Hz."""
         own, f0, of = self.dimensionless(values), self.reference, self.law.of
         return lambda frequency: of(np.asarray(frequency / f0, np.float64), own)
+
+    def drawn(
+        self, values: Mapping[str, float], device: Assembly, swept: Frequencies, most: int
+    ) -> tuple[Frequencies, Complexes]:
+        """Return the correction with these parameters at so many frequencies of its band."""
+        frequency = np.geomspace(*self.band, most)
+        return frequency, self.correction(values)(frequency)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return the circuit element that is equivalent to a correction at the terminals."""
