@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from relaxing_disk import F, recorded, relaxing
+from relaxing_disk import F, recorded, relaxing, with_permittivity
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.files.builds.effects_writing import append_effects
@@ -60,6 +60,28 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
     assert fit.chi2_per_dof < 0.02 * diagnosis.baseline.chi2_per_dof
     name = next(name for name in fit.constants if name.startswith("learned@layer:disk") and name.endswith(".at"))
     assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
+
+
+def test_a_drift_outside_the_catalogue_is_learned_as_a_course_in_time(bare: Device) -> None:
+    """A permittivity that rises by 2 % while a sweep runs up, and as much again while one runs down."""
+    f, size = np.linspace(1.5e6, 7.5e6, 51), 0.02
+    passed = dict(zip(f.tolist(), np.linspace(0, 1, f.size).tolist(), strict=True))
+    up, down = (
+        recorded(with_permittivity(bare.bare, change, f), f)
+        for change in (lambda one: size * passed[one], lambda one: size * (2 - passed[one]))
+    )
+    sweeps = tuple(
+        replace(task.sweeps["disk"][0], settings={"direction": direction, "sweep_seconds": 60})
+        for task, direction in ((up, "up"), (down, "down"))
+    )
+    diagnosis = diagnose(replace(up, sweeps={"disk": sweeps}), effects=("polarity",), learn=True)
+    (finding,) = (one for one in diagnosis.findings if one.effect == "learned")
+    assert (diagnosis.places[0].where, diagnosis.places[0].quantity) == ("layer:disk", "permittivity")
+    assert "permittivity of disk drifts by" in finding.says
+    drift = finding.parameters["size"]
+    assert abs(drift.value - size) < 3 * drift.u
+    assert drift.u < 0.02 * size
+    assert diagnosis.effects == (), "it belongs to the sweeps, not to the sample"
 
 
 @pytest.fixture
