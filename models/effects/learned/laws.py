@@ -78,6 +78,12 @@ def _line(x: Reals, values: Values) -> Complexes:
     return np.asarray(values["size"] * np.tanh(root) / root, np.complex128)
 
 
+def _crossed(x: Reals, values: Values) -> Complexes:
+    """Return the impedance of a layer or a short-circuited line without loss: an inertance as far as it is thin."""
+    phase = 2 * np.pi * x * values["transit"]
+    return np.asarray(1j * x * values["size"] * np.tan(phase) / phase, np.complex128)
+
+
 def _echo(x: Reals, values: Values) -> Complexes:
     echo = values["echo"] * np.exp(-2j * np.pi * x * values["delay"])
     return np.asarray(values["size"] * (1 - echo) / (1 + echo), np.complex128)
@@ -101,6 +107,7 @@ _RISING = _shape("exponent", 0.02, 1.5, 0.2)
 """Of a stiffness: the loss of a viscous solid is proportional to frequency, and below 2 a power dissipates."""
 _SPREAD, _SKEW = _shape("spread", 0.2, 1.0, 0.7), _shape("skew", 0.2, 1.0, 0.7)
 _Q = _shape("q", 1.0, 300.0, 10.0)
+_TRANSIT = EffectParameter("transit", "1", typical=0.01, lower=1e-3, upper=0.24, null=0.03)
 _DELAY = _shape("delay", 0.2, 50.0, 2.0)
 
 
@@ -165,6 +172,12 @@ _ADDED = (
         "{size} that relaxes at {at}",
     ),
     Law("line", (_size(), _at()), _line, "{size} spread along a line, from {at} on"),
+    Law(
+        "layer",
+        (_size(), _TRANSIT),
+        _crossed,
+        "an inertance of {size} along a layer or line that waves cross in {transit}",
+    ),
     Law("resonance", (_size(), _at(), _Q), _peaked, "a resonance at {at} of {size} and Q {q}"),
     Law(
         "echo",
@@ -178,6 +191,7 @@ _OF_ADMITTANCE = {
     "resistance": "a conductance of {size}",
     "inertance": "a part that grows in proportion to frequency, {size} at the reference",
     "compliance": "a part that falls as 1/f, {size} at the reference",
+    "layer": "a part that grows with frequency, {size} at the reference, along a line that waves cross in {transit}",
 }
 """The same laws in words where an admittance is added: there a mass and a spring change their roles."""
 _ADMITTED = tuple(replace(law, says=_OF_ADMITTANCE.get(law.name, law.says)) for law in _ADDED)

@@ -18,6 +18,8 @@ from .laws import Law, laws
 from .several import laws_of_several
 
 NAME = "learned"
+_QUARTER = 0.24
+"""Largest part of a period in which waves cross a layer: a little less than where it resonates."""
 _INSIDE = 1.01
 """Smallest ratio of a start frequency to the limits of its band."""
 
@@ -84,11 +86,20 @@ class LearnedLaw(Effect):
         if unit == "Hz":
             lower, upper = max(lower, self.band[0]), min(upper, self.band[1])
             null = min(max(null, _INSIDE * lower), upper / _INSIDE)
+        if knob.name == "transit" and np.isfinite(self.band[1]):  # it resonates above the band: within, it is told as a resonance
+            upper = min(upper, _QUARTER / self.band[1])
+            lower, null = min(lower, upper / 10), min(null, upper / 2)
         return replace(knob, unit=unit, typical=knob.typical * scale, lower=lower, upper=upper, null=null, prior=prior)
 
     def _scale(self, name: str) -> tuple[float, str]:
         """Return the value of a parameter for which the law has 1, and its unit."""
-        scales = {"size": (self.natural, self.unit), "at": (self.reference, "Hz"), "delay": (1 / self.reference, "s")}
+        period = 1 / self.reference
+        scales = {
+            "size": (self.natural, self.unit),
+            "at": (self.reference, "Hz"),
+            "delay": (period, "s"),
+            "transit": (period, "s"),
+        }
         return scales.get(name.partition("_")[0], (1.0, "1"))
 
     def sentence(self, where: str, sizes: Mapping[str, tuple[float, float, str]]) -> str:

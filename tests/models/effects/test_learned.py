@@ -89,6 +89,18 @@ def _less_at_reference(law: Law, values: dict[str, float], sign: int) -> float:
     return float(law.of(np.array([1e200 if law.name != "resonance" else 1e60]), values).imag[0])
 
 
+def test_a_layer_on_a_face_equals_an_electrode_of_its_mass_and_impedance() -> None:
+    """Sound crosses a mass per area m of impedance z in the time m/z."""
+    mass, impedance = 0.02, 12e6
+    learned = learned_law(Place("face:front", "impedance"), "layer", GLUED)
+    values = {"size": 2 * np.pi * learned.reference * mass, "transit": mass / impedance}
+    expected = Device(GLUED).with_effect(
+        find_effect("electrode-mass"), "face:front", {"mass": mass, "impedance": impedance}
+    )
+    found = Device(GLUED).with_effect(learned, "face:front", values)
+    np.testing.assert_allclose(found.impedance(F), expected.impedance(F), rtol=1e-4)  # air loads its outer face
+
+
 @pytest.mark.parametrize(
     ("quantity", "law", "effect", "parameter"),
     [
