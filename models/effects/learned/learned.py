@@ -86,7 +86,7 @@ class LearnedLaw(Effect):
         if unit == "Hz":
             lower, upper = max(lower, self.band[0]), min(upper, self.band[1])
             null = min(max(null, _INSIDE * lower), upper / _INSIDE)
-        if knob.name == "transit" and np.isfinite(self.band[1]):  # it resonates above the band: within, it is told as a resonance
+        if knob.name == "transit" and np.isfinite(self.band[1]):  # within the band, its resonance has a law of its own
             upper = min(upper, _QUARTER / self.band[1])
             lower, null = min(lower, upper / 10), min(null, upper / 2)
         return replace(knob, unit=unit, typical=knob.typical * scale, lower=lower, upper=upper, null=null, prior=prior)
