@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[3]
-OF_THIS_MACHINE = re.compile(r"(/[\w.-]+)*/pytest-of-\w+/[\w./-]*?/(?=[\w.-]+\b)|/tmp/pzctl-\w+-\w+/?")
+OF_THIS_MACHINE = re.compile(
+    r"(/[\w.-]+)*/pytest-of-\w+/[\w./-]*?/(?=[\w.-]+\b)|/tmp/pzctl-\w+-\w+/?|" + re.escape(str(ROOT)) + r"/([\w.-]+/)*"
+)
 _seen: set[tuple[str, int]] = set()
 
 
