@@ -7,10 +7,8 @@ from ..stack import Piezo, Stack
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.scale import active, reactance
-from .base.softening import RAYLEIGH, Softening
+from .base.softening import LOSS_AND_SOURCE, USUAL_SOURCE, Softening
 
-_USUAL_SOURCE = 25.0
-"""Source resistance, ohm, of a recording that does not state it."""
 _USUAL_LEVEL, _USUAL_SOFTENING = 0.5, 1e-3
 """V rms, and a relative softening at resonance that would matter."""
 
@@ -36,8 +34,7 @@ class DriveNonlinearity(Effect):
         """
         return (
             EffectParameter("softening", "1", typical=_USUAL_SOFTENING / max(_usual_strain(stack), 1e-12)),
-            EffectParameter("loss", "1", typical=0.4, upper=3.0, null=RAYLEIGH, prior=(RAYLEIGH, 0.3)),
-            EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=_USUAL_SOURCE, setting="source_ohm"),
+            *LOSS_AND_SOURCE,
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
@@ -54,7 +51,7 @@ def _usual_strain(stack: Stack) -> float:
     per_field = abs(disk.h33) * disk.eps33S.real / disk.c33D.real
     coupling = abs(disk.h33) * per_field  # kt^2
     R = pi**2 / 8 * reactance(stack) / max(coupling * Q, 1e-3)
-    return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + _USUAL_SOURCE)
+    return Q * per_field * sqrt(2) * _USUAL_LEVEL / disk.thickness * R / (R + USUAL_SOURCE)
 
 
 EFFECT = DriveNonlinearity()

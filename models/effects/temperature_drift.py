@@ -7,7 +7,7 @@ import numpy as np
 from ..base.arrays import Reals
 from ..stack import Stack
 from .base.assembly import Assembly
-from .base.drifting import Course, Drifting, Drifts
+from .base.drifting import Course, Drifting
 from .base.effect import SWEEP, Effect, EffectParameter, Stage
 from .base.scale import active
 
@@ -54,7 +54,7 @@ class TemperatureDrift(Effect):
         def course(elapsed: Reals) -> Reals:
             return np.asarray(np.expm1(-elapsed / time) / np.expm1(-1 / time), np.float64)
 
-        courses: Mapping[Drifts, Course] = {
+        courses: Mapping[str, Course] = {
             "stiffness": lambda elapsed: 2 * speed * course(elapsed),
             "permittivity": lambda elapsed: permittivity * course(elapsed),
         }

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -11,10 +10,9 @@ from ...stack import Piezo, Stack
 from .assembly import Assembly, ParallelSection, Record
 from .modified_laws import Factor
 
-Drifts = Literal["stiffness", "permittivity", "coupling"]
 Course = Callable[[Reals], Reals]
 """Maps times since the step's first sweep began, in durations of that sweep, shape (N,), to a relative change, (N,)."""
-_LAWS: Mapping[Drifts, str] = {"stiffness": "c_law", "permittivity": "eps_law", "coupling": "h_law"}
+_LAWS: Mapping[str, str] = {"stiffness": "c_law", "permittivity": "eps_law", "coupling": "h_law"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +20,8 @@ class Drifting(Record):
     """Every point is that of a device at its own instant: constants that depend on frequency in this sweep."""
 
     layer: str
-    courses: Mapping[Drifts, Course]
+    courses: Mapping[str, Course]
+    """By constant: `stiffness`, `permittivity`, `coupling`."""
 
     def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
         """Return Z as recorded over Z, shape (N,)."""

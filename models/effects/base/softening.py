@@ -9,10 +9,18 @@ import numpy as np
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...stack import Piezo, Stack
 from .assembly import Assembly, Record
+from .effect import EffectParameter
 from .modified_laws import Factor, with_stiffness_law
 
-RAYLEIGH = 4 / (3 * pi)
+_RAYLEIGH = 4 / (3 * pi)
 """Loss per softening of a Rayleigh loop."""
+USUAL_SOURCE = 25.0
+"""Source resistance, ohm, of a recording that does not state it."""
+LOSS_AND_SOURCE = (
+    EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
+    EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=USUAL_SOURCE, setting="source_ohm"),
+)
+"""Parameters of every effect that softens a layer: the loss per softening, and the source resistance."""
 _ROUNDS = 25
 _MOST = 0.3
 """Largest relative loss of stiffness; the model is not valid beyond."""

@@ -3,16 +3,16 @@
 They belong to what was recorded, not to the sample alone, so that no build states them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Reals
 from ...stack import Piezo, Stack
 from ..base.assembly import Assembly
-from ..base.drifting import Drifting, Drifts
+from ..base.drifting import Drifting
 from ..base.effect import EffectParameter, Stage, layer_at
-from ..base.softening import RAYLEIGH, Softening
+from ..base.softening import LOSS_AND_SOURCE, Softening
 from .corrections import CONSTANTS, Place, Quantity
 from .laws import Law, Values
 from .learned import LearnedLaw
@@ -22,8 +22,6 @@ REFERENCE_STRAIN = 1e-5
 its resonance."""
 _CHANGE = EffectParameter("size", "1", typical=1e-3, lower=-0.2, upper=0.2, prior=(0.0, 3e-3))
 """Of the permittivity of a soft ceramic, half a kelvin."""
-_SOURCE = 25.0
-"""Source resistance, ohm, of a recording that does not state it."""
 
 
 def _drifted(t: Reals, values: Values) -> Complexes:
@@ -55,8 +53,7 @@ IN_STRAIN = (
         (
             EffectParameter("size", "1", typical=1e-3, upper=0.3, prior=(3e-3, 1.6)),
             EffectParameter("exponent", "1", typical=0.5, lower=0.5, upper=3.0, null=1.0),
-            EffectParameter("loss", "1", typical=0.4, upper=3.0, null=RAYLEIGH, prior=(RAYLEIGH, 0.3)),
-            EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=_SOURCE, setting="source_ohm"),
+            *LOSS_AND_SOURCE,
         ),
         _softened,
         "falls by {size} at a strain of 1e-5, as the strain to the power {exponent}, with {loss} times as much loss",
@@ -114,9 +111,4 @@ class SweepLaw(LearnedLaw):
         if self.law in IN_STRAIN:
             power = own["exponent"]
             return Softening(layer, own["size"] / REFERENCE_STRAIN**power, own["loss"], own["source"], power)
-        return Drifting(layer, {_constant(self.place): lambda t: np.real(self.law.of(t, own))})
-
-
-def _constant(place: Place) -> Drifts:
-    names: Sequence[Drifts] = ("stiffness", "permittivity", "coupling")
-    return next(name for name in names if name == place.quantity)
+        return Drifting(layer, {self.place.quantity: lambda t: np.real(self.law.of(t, own))})
