@@ -22,8 +22,8 @@ from .smooth_basis import ends_of, smooth
 _LOSSY = "c33D", "eps33S"
 """Constants of a ceramic whose imaginary part has one sign."""
 _FURTHEST = 2.0
-"""Largest factor between a loss at the resonance and its mean: a band of ten octaves at the largest usual exponent.
-More is the error of a fit that describes nothing."""
+"""Largest factor between a constant, or its loss, at the resonance and its mean: losses over a band of ten octaves at
+the largest usual exponent. More is the error of a fit that describes nothing."""
 
 
 def at_resonance(found: MarginalFit) -> MarginalFit:
@@ -44,7 +44,10 @@ def at_resonance(found: MarginalFit) -> MarginalFit:
         if known is not None and name in corrections:
             factor = 1 + complex(np.interp(there, known.log_f, corrections[name])[0])
             value = complex(values[re], values[im]) * factor
-            if name.endswith(_LOSSY) and not 1 / _FURTHEST < value.imag / values[im] < _FURTHEST:
+            ratios = [value.real / values[re]]
+            if name.endswith(_LOSSY):
+                ratios.append(value.imag / values[im])
+            if not all(1 / _FURTHEST < ratio < _FURTHEST for ratio in ratios):
                 continue
             values |= {re: value.real, im: value.imag}
             corrections[name] = (1 + corrections[name]) / factor - 1

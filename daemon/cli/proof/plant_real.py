@@ -88,11 +88,8 @@ def _build_of(path: Path) -> str | None:
     beside = path.parent / "build.toml"
     if beside.exists():
         return beside.read_text(encoding="utf-8")
-    ours = files("pzctl.daemon.cli.proof") / "real_builds"
-    for name in (f"{path.parent.name}.{path.stem}.toml", f"{path.parent.name}.toml"):
-        if (ours / name).is_file():
-            return (ours / name).read_text(encoding="utf-8")
-    return None
+    ours = files("pzctl.daemon.cli.proof") / "real_builds" / f"{path.parent.name}.toml"
+    return ours.read_text(encoding="utf-8") if ours.is_file() else None
 
 
 def _source(name: str, step: str, build: str, sweep: Sweep) -> Source:

@@ -7,10 +7,11 @@ import pytest
 
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.error_model.at_resonance import at_resonance
 from pzctl.fitters.error_model.error_sizes import USUAL
 from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.error_model.marginal_estimate import marginal_estimate
-from pzctl.fitters.error_model.marginal_fit import fit
+from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects.base.scale import resonance
 from pzctl.models.stack.loss_laws import PowerLoss
@@ -50,3 +51,16 @@ def test_a_load_that_least_squares_have_driven_to_nothing_comes_back() -> None:
     found = fit(Marginal.of(objective), x, (USUAL,), rounds=2, compared=False)
     assert found.promised == 0
     assert found.log_evidence == pytest.approx(fit(Marginal.of(objective), minimum, (USUAL,)).log_evidence, abs=3)
+
+
+def test_a_fit_that_describes_nothing_still_has_constants() -> None:
+    """Errors that had turned a permittivity round ended the diagnosis of a film behind a long lead."""
+    solution = solve(FitTask(BUILD, {"disk": (recorded(0.0),)}), lambda _: None)
+    marginal = Marginal.of(solution.judged)
+    found = fit(marginal, solution.descent.x, (USUAL,))
+    usual = found.minimum.corrections
+    assert usual is not None
+    wild = replace(usual, relative={name: np.full(usual.log_f.size, -1.5 + 0j) for name in usual.relative})
+    turned = MarginalFit.at(marginal, replace(found.minimum, corrections=wild))
+    assert "disk.eps33S" in wild.relative
+    assert at_resonance(turned).values == pytest.approx(turned.values, rel=1e-9)
