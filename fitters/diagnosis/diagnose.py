@@ -181,8 +181,11 @@ class _FiniteDiameter:
         return lateral.finite(made, self.task, null, null) if made is not None and sure else None
 
     def _an_effect_may_do(self) -> bool:
-        """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's."""
-        others = [one for one in self.search.candidates if one.effect.name != lateral.NAME]
+        """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's.
+
+        But a resonance does, where the band is so narrow that it shows one overtone of a rim.
+        """
+        others = [one for one in self.search.candidates if one.effect.name != lateral.NAME and not one.resonates]
         return bool(explaining_most(self.problem, self.bare, others, self.wanted.jobs))
 
     def beside(self, final: Hypothesis) -> lateral.FiniteDisk | None:
@@ -202,6 +205,10 @@ class _FiniteDiameter:
         if wide.tried.leaves_much and not search.seeds:
             candidates = explaining_most(problem, search.begin(), search.candidates, wanted.jobs)
             search = replace(search, candidates=candidates)
+        elif wide.tried.on_a_face:
+            begun = {one for effects, _ in search.seeds for one in effects}
+            possible = (one for one in search.candidates if one in begun or one.effect.of_laws)
+            search = replace(search, candidates=tuple(possible))
         search.run()
         modelled = replace(wanted, learn=False, others={}, fitter=Disk2DFitter())
         said = _told(search, choice, conclude(search), gated, modelled, began)

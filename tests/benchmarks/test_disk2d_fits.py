@@ -99,5 +99,6 @@ def test_two_effects_are_found_one_after_the_other_beside_a_finite_diameter():
     noise = np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)))
     wired = 1 / (1 / Z + 2j * np.pi * f * 60e-12) + 2j * np.pi * f * 60e-9 + 1.0
     task = FitTask(disk_build(10, 1, 7700), {"disk": (Sweep(f, wired * noise),)})
-    beside = disk_with_wires(task, 1.0, lambda _: None, 1).beside
-    assert [one.effect.name for one in beside] == ["lead-inductance", "series-resistance"]
+    found = disk_with_wires(task, 1.0, lambda _: None, 1)
+    assert found is not None
+    assert [one.effect.name for one in found.beside] == ["lead-inductance", "series-resistance"]

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from ..hypotheses.problem import Candidate
 
 DESCRIBED = 6e-3
 """Rms of ln(Z_model/Z) below which the two-dimensional fit is complete: the accuracy of its reduced model."""
-_NEAR = 0.03
+NEAR = 0.03
 """Rms of ln(Z_model/Z) of a quick fit from which the disk's constants are near enough for effects to be added."""
 _FIRST = 0.3
 """Part of what a plate leaves of ln Z (rms) that the quick fit of a wide disk with a rim leaves at most: 0.26 of 24
@@ -82,45 +81,43 @@ class DiskBeside:
     """Effects of the whole."""
 
 
-def disk_with_wires(
-    task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int, of_plate: float = inf
-) -> DiskBeside:
+def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> DiskBeside | None:
     """Return the disk fitted alone, and with the effects at its terminals and in its laws that it seems to have.
 
     With an effect the disk alone may end anywhere, so that no effect added there helps; it is then also searched for
-    with a lead and a stray capacitance, which act as most effects at the terminals do. Raises FitError if neither
-    leaves less than `hopeless`, rms of ln Z, and for a wide disk if the quick fit takes away too little of what a plate
-    without effects leaves, `of_plate`: with a wrong order of its overtones, too, it takes away most of a rim.
+    with a lead and a stray capacitance, which act as most effects at the terminals do. None if neither leaves less than
+    NEAR.
     """
-    disk = bare_disk(task, NAME, round_one=True, frees=True)
-    if not is_narrow(disk):
-        return _wide_with_wires(task, hopeless, progress, jobs, min(hopeless, max(_NEAR, _FIRST * of_plate)))
-    alone = _attempt(task, min(_NEAR, hopeless), jobs, None)
+    alone = _attempt(task, min(NEAR, hopeless), jobs, None)
     near = None
     if alone is not None:
         near = with_terminals(alone, alone, progress, jobs)
         if _is_described(near):
             return near
     progress("fitting the disk in two dimensions together with its wires")
-    joint = _attempt(task, _NEAR, jobs, _wires(stack_of(disk.build, disk.build.step(disk.step))))
-    if joint is not None:
-        base = _without(joint, [name for name, _, _ in _WIRES])
-        far = with_terminals(alone or with_effects(base, Outside()), base, progress, jobs)
-        return _better(far, near)
-    # neither the library's ceramics nor wires lead to it: random ceramics without wires
-    return near or _of_random_ceramics(task, hopeless, progress, jobs)
+    disk = bare_disk(task, NAME, round_one=True, frees=True)
+    joint = _attempt(task, NEAR, jobs, _wires(stack_of(disk.build, disk.build.step(disk.step))))
+    if joint is None:
+        return near
+    base = _without(joint, [name for name, _, _ in _WIRES])
+    return _better(with_terminals(alone or with_effects(base, Outside()), base, progress, jobs), near)
 
 
-def _wide_with_wires(
-    task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int, promising: float
+def wide_disk_with_wires(
+    task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int, of_plate: float
 ) -> DiskBeside:
-    """Return the same for a disk whose overtones are too many for wires to be searched for at once."""
+    """Return the same for a disk whose overtones are too many for wires to be searched for at once.
+
+    Raises FitError if the quick fit leaves more than is `hopeless`, or takes away too little of what a plate without
+    effects leaves, `of_plate`: with a wrong order of its overtones, too, it takes away most of a rim.
+    """
+    promising = min(hopeless, max(NEAR, _FIRST * of_plate))
     alone = fitted_disk(task, _ROUNDS, enough=promising, hopeless=promising, jobs=jobs)
     near = with_terminals(alone, alone, progress, jobs)
-    return near if _is_described(near) else _better(_of_random_ceramics(task, hopeless, progress, jobs), near)
+    return near if _is_described(near) else _better(of_random_ceramics(task, hopeless, progress, jobs), near)
 
 
-def _of_random_ceramics(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> DiskBeside:
+def of_random_ceramics(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> DiskBeside:
     """Return the disk as found from random ceramics, with what is beside it. Raises FitError if it leaves too much."""
     alone = fitted_disk(task, _ROUNDS, hopeless=hopeless, jobs=jobs)
     # An effect at the terminals hides a rim from neither model: without it, too, the disk must beat the plate.
@@ -132,11 +129,11 @@ def _of_random_ceramics(task: FitTask, hopeless: float, progress: Callable[[str]
 def _is_described(found: DiskBeside) -> bool:
     """Return whether the fit needs no other start."""
     left = left_by(found.whole)
-    return left < _ERRING or (left < DESCRIBED and _chi2_alone(found.whole) < _FOUND)
+    return left < _ERRING or (left < DESCRIBED and chi2_alone(found.whole) < _FOUND)
 
 
 def _better(one: DiskBeside, other: DiskBeside | None) -> DiskBeside:
-    return min((one, other or one), key=lambda found: _chi2_alone(found.whole))
+    return min((one, other or one), key=lambda found: chi2_alone(found.whole))
 
 
 def _attempt(task: FitTask, enough: float, jobs: int, outside: Outside | None) -> FittedDisk | None:
@@ -179,7 +176,7 @@ def with_terminals(alone: FittedDisk, base: FittedDisk, progress: Callable[[str]
     have gone far to imitate them. Trials start from the constants of `base`.
     """
     few, taken, values = thinner(base), tuple[Candidate, ...](), dict[str, float]()
-    before, starts = _chi2_alone(thinner(alone)), _STARTS if base is alone else _NEAR_STARTS
+    before, starts = chi2_alone(thinner(alone)), _STARTS if base is alone else _NEAR_STARTS
     while len(taken) < _BESIDE and before > _of_noise(few.descent.objective.points):
         left = [one for one in _choices(few) if (one.effect, one.where) not in [(o.effect, o.where) for o in taken]]
         progress(f"trying {len(left)} effects beside the finite diameter")
@@ -192,7 +189,7 @@ def with_terminals(alone: FittedDisk, base: FittedDisk, progress: Callable[[str]
         if first:  # what an effect that was missing did to the losses is no sign of their law
             few, taken = _instead(*_lawful(few, taken, values), jobs)
             values = _sizes_of(few, taken)
-        before = _chi2_alone(few)
+        before = chi2_alone(few)
     return DiskBeside(alone, *_lawful(_whole(few, base), taken, values)) if taken else DiskBeside(alone, alone)
 
 
@@ -201,7 +198,7 @@ def _instead(few: FittedDisk, taken: tuple[Candidate, ...], jobs: int) -> tuple[
 
     A look-alike, as a cable is of a lead, takes the constants to where the right one can be fitted.
     """
-    before = _chi2_alone(few)
+    before = chi2_alone(few)
     if before < _of_noise(few.descent.objective.points):
         return few, taken
     without = _without(few, [one.effect.name for one in taken])
@@ -265,7 +262,7 @@ def _lawful(
     has none.
     """
     made = _fitted(base, effects, start)
-    if _chi2_alone(made) < _of_noise(made.descent.objective.points):
+    if chi2_alone(made) < _of_noise(made.descent.objective.points):
         return made, tuple(effects)
     law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk))
     other = replace(base, model=replace(base.model, law=law))
@@ -279,7 +276,7 @@ def _lawful(
         fitted = _fitted(other, again, {name: start.get(name, knob.expected[0]) for name, knob in knobs})
     except UNCOMPUTABLE:
         return made, tuple(effects)
-    return min((made, tuple(effects)), (fitted, again), key=lambda one: _chi2_alone(one[0]))
+    return min((made, tuple(effects)), (fitted, again), key=lambda one: chi2_alone(one[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,7 +321,7 @@ def _promising(best: FittedDisk, known: Sequence[Candidate], starts: Sequence[_S
     own = {name: value for name, value in values.items() if name in best.model.parameters()}
 
     def promise(start: _Start) -> float:
-        outside = _outside(best, [*known, start.new], start.values)
+        outside = outside_of(best, [*known, start.new], start.values)
         device = outside.around(best.model.replace(own), start.values)
         seen = [device.impedance(one.sweep.frequency) for one in objective.recordings]
         ratios = [
@@ -350,15 +347,16 @@ def _beside(best: FittedDisk, known: Sequence[Candidate], start: _Start) -> tupl
         made = _fitted(best, [*known, start.new], start.values)
     except UNCOMPUTABLE:
         return None
-    return _chi2_alone(made), _sizes_of(made, [*known, start.new])
+    return chi2_alone(made), _sizes_of(made, [*known, start.new])
 
 
 def _fitted(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> FittedDisk:
     """Return the disk fitted with these effects; it may have some of them already."""
-    return with_effects(_without(best, [one.effect.name for one in effects]), _outside(best, effects, start))
+    return with_effects(_without(best, [one.effect.name for one in effects]), outside_of(best, effects, start))
 
 
-def _outside(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> Outside:
+def outside_of(best: FittedDisk, effects: Sequence[Candidate], start: Mapping[str, float]) -> Outside:
+    """Return effects beside a disk, with all their parameters free from `start`."""
     added = tuple(Added(one.effect, one.where, {k.name: k.null for k in one.effect_parameters}) for one in effects)
     blocks = tuple(block for one in effects for block in one.blocks(start))
     return Outside(added, blocks, start, nominal=plate_of(best))
@@ -368,7 +366,7 @@ def _without(found: FittedDisk, effects: Collection[str]) -> FittedDisk:
     return replace(found, descent=without_effects(found.descent, effects))
 
 
-def _chi2_alone(found: FittedDisk) -> float:
+def chi2_alone(found: FittedDisk) -> float:
     """Return mean |ln(Z_model/Z)|^2 over its expectation from noise."""
     objective = found.descent.objective
     ratios = objective.log_ratios(found.descent.x)

@@ -22,6 +22,7 @@ from ...disk.bare_disk import BareDisk, bare_disk
 from ...disk.two_d.disk2d import disk_result
 from ...disk.two_d.disk_fit import FittedDisk
 from ...disk.two_d.disk_under_diagnosis import diagnosable, thinner
+from ...disk.two_d.robust_search import POINTS
 from ...disk.two_d.tensor_start import implausibility
 from ...engine.fitted_model import FittedModel, Seed
 from ...engine.objective import Objective
@@ -33,7 +34,8 @@ from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.refit import Refit
 from ..validation.bands import guilty_bands
-from .disk_with_wires import DESCRIBED, disk_with_wires, is_narrow, ratio_of
+from .disk_beside import disk_beside
+from .disk_with_wires import DESCRIBED, is_narrow, ratio_of
 
 NAME = "lateral-modes"
 _SHOWS = 0.02
@@ -69,14 +71,24 @@ class DiskTried:
         return self.result.chi2_per_dof > _DENSE and self.result.rms_log_error > DESCRIBED
 
     @property
+    def on_a_face(self) -> bool:
+        """Whether something lies on a face: then the model takes ten times as long, and only laws are sought beside."""
+        return any(one.effect.of_faces for one in self.beside)
+
+    @property
     def model(self) -> FittedModel:
         """The disk without effects, with the law of losses that fits with them; a search begins with them.
 
-        On a few hundred points of each sweep where it leaves much: points between say the same.
+        On a few hundred points of each sweep where it leaves much: points between say the same. With something on a
+        face fewer and the quick model must do.
         """
-        bare = thinner(self.alone) if self.leaves_much else self.alone
+        bare = self.alone
+        if self.on_a_face:
+            bare = thinner(bare, POINTS)
+        elif self.leaves_much:
+            bare = thinner(bare)
         objective = bare.descent.objective
-        recordings = [_lossy(one, self.whole.model.law) for one in objective.recordings]
+        recordings = [_with_law(one, self.whole.model.law, rough=self.on_a_face) for one in objective.recordings]
         same = Objective(recordings, objective.coordinates, objective.priors)
         made = diagnosable(replace(bare, model=self.whole.model, descent=replace(bare.descent, objective=same)))
         names = frozenset((one.effect.name, one.where) for one in self.beside)
@@ -84,9 +96,9 @@ class DiskTried:
         return replace(made, seeds=(Seed(names, values),) if names else ())
 
 
-def _lossy(recording: Recording, law: LossLaw) -> Recording:
+def _with_law(recording: Recording, law: LossLaw, *, rough: bool) -> Recording:
     model = recording.model
-    return replace(recording, model=replace(model, law=law)) if isinstance(model, Disk2D) else recording
+    return replace(recording, model=replace(model, law=law, rough=rough)) if isinstance(model, Disk2D) else recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +162,7 @@ def tried(
     progress("fitting the disk in two dimensions")
     began = time.perf_counter()
     try:
-        found = disk_with_wires(task, hopeless, progress, jobs, _rms(null))
+        found = disk_beside(task, hopeless, progress, jobs, _rms(null))
         return DiskTried(found.alone, found.whole, found.beside, disk_result(found.whole, time.perf_counter() - began))
     except UNCOMPUTABLE:  # a ceramic may have run to where its stiffness has no inverse
         return None

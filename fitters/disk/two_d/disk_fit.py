@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -27,7 +28,8 @@ from .lateral_search import Effort
 from .lateral_search import searched as lateral
 from .misfit_as_noise import at_level, judged, left_of
 from .outside import Outside
-from .reduced_disk_cache import reduced_disk
+from .reduced_disk_cache import loadable_disk, reduced_disk
+from .robust_search import robustly_searched
 from .tensor_coordinates import COORDINATES, tensor_block
 from .tensor_start import drawn_starts, matched, starts, tensor_priors
 from .valley_search import searched, thinned
@@ -85,6 +87,27 @@ def fitted_disk(
     model = _model(disk, reduced)
     law, descent, error = _descend(disk, full, model, task.free, rounds, (enough, hopeless), jobs, outside or Outside())
     return FittedDisk(disk, replace(model, law=law), descent, error, electrode)
+
+
+def robustly_fitted(task: FitTask, progress: Callable[[str], None], jobs: int) -> FittedDisk:
+    """Return where the disk probably is if something on its faces changes parts of the band beyond recognition.
+
+    Raises as `fitted_disk`. No descent has ended there: it needs what is missing.
+    """
+    disk = bare_disk(task, NAME, round_one=True, frees=True)
+    electrode, disk = _electrode(disk), _within_reach(disk)
+    full, reduced = reduced_disk(_ratio(disk), progress, electrode)
+    bare = _model(disk, reduced)
+    coordinates, recordings = _parts(disk, bare, task.free)
+    priors = tensor_priors(disk)
+    found = robustly_searched(disk, bare, recordings, coordinates, priors, jobs)
+    values, _ = coordinates.forward(found.x)
+    checked, error = _checked(disk, full, bare.replace({name: values[name] for name in bare.parameters()}))
+    model = replace(checked, loadable=cache(partial(loadable_disk, _ratio(disk), progress, electrode)))
+    recordings = [replace(one, model=model) for one in recordings]
+    return FittedDisk(
+        disk, model, judged(recordings, coordinates, priors, found.x, False, found.evaluations), error, electrode
+    )
 
 
 def _ratio(disk: BareDisk) -> float:

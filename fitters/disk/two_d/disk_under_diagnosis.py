@@ -18,7 +18,7 @@ from ..planar_result import PLANAR_UNITS, propagated
 from .disk_fit import FittedDisk, constants_named, tensor_of
 from .misfit_as_noise import at_level, judged, left_of
 from .outside import Outside
-from .valley_search import thinned
+from .valley_search import COARSE, thinned
 
 _TOLERANCE, _STILL, _MOST = 1e-5, 0.01, 12
 _TOGETHER = 6
@@ -65,10 +65,10 @@ def plate_of(found: FittedDisk) -> Stack:
     return replace(plate, layers=tuple(lossy))
 
 
-def thinner(found: FittedDisk) -> FittedDisk:
+def thinner(found: FittedDisk, points: int = COARSE) -> FittedDisk:
     """Return the fit with a few hundred points of each sweep, for trials."""
     before = found.descent.objective
-    few = Objective(list(map(thinned, before.recordings)), before.coordinates, before.priors)
+    few = Objective([thinned(one, points) for one in before.recordings], before.coordinates, before.priors)
     return replace(found, descent=replace(found.descent, objective=few))
 
 

@@ -21,14 +21,14 @@ from .broadened import broadened
 from .tensor_start import matched
 
 Known: TypeAlias = Prior | Posterior
-_COARSE = 400
+COARSE = 400
 # Points of each sweep for the search.
 _SEARCH = ((1.0, 10, 10), (0.3, 6, 15), (0.1, 4, 20), (0.03, 2, 20), (0.01, 1, 25))
 _HURRIED = tuple((misfit, max(1, count // 3), most) for misfit, count, most in _SEARCH)
 # Successive misfits that the search counts as noise, the number of places that it follows, and the steps from each.
-_FAR, _SAME = 4.0, 0.02
+_FAR, SAME = 4.0, 0.02
 # Places that cost this many times as much as the best, or are this close to a better one, are dropped.
-_ROUGH = 3e-3
+ROUGH = 3e-3
 _WIDE = 0.1
 # Misfit from which resonances are broadened: a smaller one tells them from those of a disk with more loss.
 
@@ -89,14 +89,14 @@ def followed(
         tried.sort(key=lambda bottom: bottom.cost)
         places = []
         for bottom in tried:
-            near = any(np.abs(bottom.x - x).max() < _SAME for x in places)
+            near = any(np.abs(bottom.x - x).max() < SAME for x in places)
             if bottom.cost < _FAR * tried[0].cost and not near:
                 places.append(bottom.x)
     return places[0], evaluations
 
 
 @dataclass(frozen=True, eq=False)
-class _Bottom:
+class Bottom:
     """End of a descent."""
 
     x: Reals
@@ -104,12 +104,12 @@ class _Bottom:
     evaluations: int
 
 
-def _bottom(objective: Objective, x: Reals, most: int) -> _Bottom:
-    end = descend(objective, x, _ROUGH, most)
-    return _Bottom(end.x, end.cost, end.evaluations)
+def _bottom(objective: Objective, x: Reals, most: int) -> Bottom:
+    end = descend(objective, x, ROUGH, most)
+    return Bottom(end.x, end.cost, end.evaluations)
 
 
-def thinned(recording: Recording, points: int = _COARSE) -> Recording:
+def thinned(recording: Recording, points: int = COARSE) -> Recording:
     """Return the recording with every n-th point only, about so many."""
     every = max(1, recording.sweep.frequency.size // points)
     return replace(recording, sweep=recording.sweep.at(slice(None, None, every)), noise=recording.noise[::every])

@@ -21,15 +21,7 @@ from pzctl.models.sweep import Sweep
 TRUTH = complex_ceramic.TENSOR
 
 
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    before = os.environ.get("PZCTL_HOME")
-    os.environ["PZCTL_HOME"] = str(tmp_path_factory.mktemp("home"))
-    yield
-    if before is None:
-        del os.environ["PZCTL_HOME"]
-    else:
-        os.environ["PZCTL_HOME"] = before
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 def test_coordinates_give_passive_constants_and_their_derivatives():
