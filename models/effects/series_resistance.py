@@ -35,7 +35,8 @@ class SeriesResistance(Effect):
         typical = 3e-3 * reactance(stack)
         return (
             EffectParameter("resistance", "ohm", typical, prior=(0.3, 1.5)),
-            EffectParameter("skin", "ohm", typical, prior=(0.1, 1.5)),
+            # a wire has one, a contact or an electrode thinner than its skin depth has none
+            EffectParameter("skin", "ohm", typical, prior=(0.1, 1.5), absent=0.5),
         )
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:

@@ -17,9 +17,6 @@ _FAR = 6.0
 """Logit beyond which the error of a formula in a parameter fades: it is close to a limit that it cannot pass."""
 _DEEPEST = 6.0
 """Standard deviations below the median at which a size counts as zero."""
-_ABSENT = 0.1
-"""Prior probability that one of several sizes of an effect is absent, or what comes in proportion to it: a resonance is
-driven by the voltage, by the strain, or by both, and a compensation may have taken off the resistance of a lead."""
 _TAIL, _SHARE = 4.0, 0.1
 """One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
 WRONG, GROSS = 10.0, 0.01
@@ -79,6 +76,7 @@ class SizePriors:
         self._several = [group for group in several if len(group) > 1]
         """Positions of the sizes of each effect that has several that start from nothing."""
         self._spread = np.array([knob.expected[1] for knob in knobs])
+        self._absent = np.array([knob.absent for knob in knobs])
         self._optional = [k for k, knob in enumerate(knobs) if knob.in_proportion]
         self._deviations = np.zeros((len(knobs), len(free)))
         """Deviations from what is usual, in standard deviations, per coordinate, shape (K, M)."""
@@ -101,7 +99,8 @@ class SizePriors:
         mixed = _mixed(z, _SHARE, _TAIL)
         others = [np.delete(group, np.argmax(z[group])) for group in self._several]
         optional = np.concatenate([*others, self._optional]).astype(np.intp)
-        mixed[optional] = (1 - _ABSENT) * mixed[optional] + _ABSENT * self._without(z, optional)
+        absent = self._absent[optional]
+        mixed[optional] = (1 - absent) * mixed[optional] + absent * self._without(z, optional)
         return _over_normal(mixed, z)
 
     def _without(self, z: Reals, optional: NDArray[np.intp]) -> Reals:

@@ -63,6 +63,10 @@ class EffectParameter:
     """Whether all values between the limits are equally likely, zero included."""
     in_proportion: bool = False
     """Whether its usual size is in proportion to the first parameter's: a shorter lead has less resistance, too."""
+    absent: float = 0.1
+    """Prior probability that it is zero though the effect is there, if it is one of several sizes or in proportion to
+    one: a resonance is driven by the voltage, by the strain, or by both, and a compensation may have taken off the
+    resistance of a lead."""
     delay: bool = False
     """Whether it is the delay of an echo in s, of which the first parameter is the amplitude."""
     varies: bool = False

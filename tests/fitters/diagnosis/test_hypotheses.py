@@ -466,6 +466,21 @@ def test_one_of_several_sizes_may_be_absent_but_not_all(lead_case) -> None:
     assert log_density(-6.0, -6.0) < log_density(0.0, -6.0) - 3
 
 
+def test_a_resistance_is_as_usual_without_a_skin_effect_as_with_one(lead_case) -> None:
+    """A contact of 20 mohm was told as the sheet of an electrode: that it has no skin effect counted against it."""
+    (contact,) = candidates(lead_case.problem, ("series-resistance",))
+    resistance, skin = contact.effect_parameters
+    wire = replace(contact, effect_parameters=(resistance, replace(skin, absent=0.1)))
+
+    def gain(skin: float) -> float:
+        """Return what ln prior density gains beside that of a part which one time in ten has no skin effect."""
+        densities = (SizePriors((one,), one.parameters).log_tails(np.array([0.0, skin])) for one in (contact, wire))
+        return next(densities) - next(densities)
+
+    assert gain(-6.0) == pytest.approx(np.log(0.5 / 0.1), abs=0.01)
+    assert gain(-0.01) == pytest.approx(0, abs=0.1)
+
+
 def test_a_quality_factor_is_as_improbable_by_a_factor_below_as_above_what_the_build_states() -> None:
     """40(25) may be 20 or 80, but never 1, which a normal prior would allow within 1.6 of its u."""
     prior = QualityFactor("ml1.q", 40.0, 25.0)
