@@ -67,13 +67,13 @@ class _Dotted:
 
 
 def with_dot(task: FitTask, progress: Callable[[str], None], jobs: int) -> DiskBeside | None:
-    """Return the disk fitted with a dot on its front; None if there is no such fit. Raises FitError as `disk2d`."""
+    """Return the disk fitted with a dot on its front; None if there is no such fit."""
     progress("fitting the disk in two dimensions as if its sharpest lines did not count")
-    found = robustly_fitted(task, progress, jobs)
-    effect, where = find_effect(_DOT), found.model.open_faces[0]
-    knobs = effect.parameters_in(found.model, plate_of(found), where)
-    one = _Dotted(found, Candidate(effect, where, (found.disk.step,), knobs))
     try:
+        found = robustly_fitted(task, progress, jobs)
+        effect, where = find_effect(_DOT), found.model.open_faces[0]
+        knobs = effect.parameters_in(found.model, plate_of(found), where)
+        one = _Dotted(found, Candidate(effect, where, (found.disk.step,), knobs))
         return DiskBeside(found, _followed(one, progress, jobs), (one.dot,))
     except UNCOMPUTABLE:
         return None

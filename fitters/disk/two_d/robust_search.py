@@ -18,6 +18,7 @@ from ...engine.objective import Objective
 from ...engine.on_cores import on_cores
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording, log_ratio
+from ...interface import UNCOMPUTABLE
 from ..bare_disk import BareDisk
 from .broadened import broadened
 from .tensor_start import matched
@@ -61,8 +62,16 @@ def followed_robustly(
     found = [Bottom(x, math.inf, 0) for x in places]
     for objective, scale, count, most in stages:
         starts = [bottom.x for bottom in found[:count]]
-        found = _distinct(on_cores([partial(robust_bottom, objective, x, scale, most) for x in starts], jobs))
+        found = _distinct(on_cores([partial(_reached, objective, x, scale, most) for x in starts], jobs))
     return found
+
+
+def _reached(objective: Objective, x: Reals, scale: float, most: int) -> Bottom:
+    """Return where a descent ends; where it began, at infinite cost, if it comes to where there is no such device."""
+    try:
+        return robust_bottom(objective, x, scale, most)
+    except UNCOMPUTABLE:
+        return Bottom(x, math.inf, 0)
 
 
 def _distinct(bottoms: Sequence[Bottom]) -> list[Bottom]:
