@@ -133,3 +133,11 @@ def cases() -> Path:
 def lab_cases() -> Path:
     """The folder of the nine open cases of the lab world, with their truth."""
     return _folder("PZCTL_CASES_LAB", SUPPORT / "cases-lab")
+
+
+@pytest.fixture(scope="module")
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep reduced disks in a folder of the module's own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PZCTL_HOME", str(tmp_path_factory.mktemp("home")))
+        yield

@@ -1,7 +1,6 @@
 """Fitter disk2d where it needs its whole search: a ceramic far from the library's, and a real disk."""
 
 import json
-import os
 from dataclasses import replace
 
 import complex_ceramic
@@ -28,16 +27,7 @@ from pzctl.models.effects import Added, find_effect
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
 
-
-@pytest.fixture(scope="module", autouse=True)
-def cache(tmp_path_factory):
-    before = os.environ.get("PZCTL_HOME")
-    os.environ["PZCTL_HOME"] = str(tmp_path_factory.mktemp("home"))
-    yield
-    if before is None:
-        del os.environ["PZCTL_HOME"]
-    else:
-        os.environ["PZCTL_HOME"] = before
+pytestmark = pytest.mark.usefixtures("own_cache")
 
 
 def test_a_very_soft_ceramic_is_found_from_the_constants_of_another():

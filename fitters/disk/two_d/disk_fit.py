@@ -80,11 +80,8 @@ def fitted_disk(
     FitError is raised. `jobs`: number of processes. `outside`: effects at the terminals that are
     fitted, too.
     """
-    disk = bare_disk(task, NAME, round_one=True, frees=True)
-    electrode, disk = _electrode(disk), _within_reach(disk)
-    full, reduced = reduced_disk(_ratio(disk), progress, electrode)
+    disk, full, model, electrode = _posed(task, progress)
     progress(f"fitting {disk.step}")
-    model = _model(disk, reduced)
     law, descent, error = _descend(disk, full, model, task.free, rounds, (enough, hopeless), jobs, outside or Outside())
     return FittedDisk(disk, replace(model, law=law), descent, error, electrode)
 
@@ -94,10 +91,7 @@ def robustly_fitted(task: FitTask, progress: Callable[[str], None], jobs: int) -
 
     Raises as `fitted_disk`. No descent has ended there: it needs what is missing.
     """
-    disk = bare_disk(task, NAME, round_one=True, frees=True)
-    electrode, disk = _electrode(disk), _within_reach(disk)
-    full, reduced = reduced_disk(_ratio(disk), progress, electrode)
-    bare = _model(disk, reduced)
+    disk, full, bare, electrode = _posed(task, progress)
     coordinates, recordings = _parts(disk, bare, task.free)
     priors = tensor_priors(disk)
     found = robustly_searched(disk, bare, recordings, coordinates, priors, jobs)
@@ -108,6 +102,14 @@ def robustly_fitted(task: FitTask, progress: Callable[[str], None], jobs: int) -
     return FittedDisk(
         disk, model, judged(recordings, coordinates, priors, found.x, False, found.evaluations), error, electrode
     )
+
+
+def _posed(task: FitTask, progress: Callable[[str], None]) -> tuple[BareDisk, FullDisk, Disk2D, float]:
+    """Return the disk within reach, its mesh, its model with the library's constants, and its electrodes' radius."""
+    disk = bare_disk(task, NAME, round_one=True, frees=True)
+    electrode, disk = _electrode(disk), _within_reach(disk)
+    full, reduced = reduced_disk(_ratio(disk), progress, electrode)
+    return disk, full, _model(disk, reduced), electrode
 
 
 def _ratio(disk: BareDisk) -> float:
