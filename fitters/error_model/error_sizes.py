@@ -161,6 +161,10 @@ class Gram:
             self._values[sizes] = self._valued(sizes)
         return self._values[sizes]
 
+    def most(self, sizes: ErrorSizes) -> float:
+        """Return the ln evidence with errors of these sizes if priors took nothing from it. Raises LinAlgError."""
+        return self.value(sizes).log_evidence + 0.5 * self.before.q
+
     def _valued(self, sizes: ErrorSizes) -> Value:
         G, log_det = self._gram(sizes.colour, sizes.rough)
         on, d, L, log_S = self._present(sizes)

@@ -89,9 +89,11 @@ class MarginalFit:
     _gram: Gram | None = None
 
     @classmethod
-    def at(cls, marginal: Marginal, minimum: Minimum) -> "MarginalFit":
-        """Return the fit with this minimum."""
+    def at(cls, marginal: Marginal, minimum: Minimum, value: Value | None = None) -> "MarginalFit":
+        """Return the fit with this minimum; `value`: of the likelihood there, if it is known."""
         marginal = replace(marginal, corrections=minimum.corrections, means=minimum.means)
+        if value is not None:
+            return cls(marginal, minimum, value)
         made = _gram_at(marginal, minimum)
         return cls(marginal, minimum, made.value(minimum.sizes), made)
 
@@ -249,12 +251,15 @@ def fit(
     fixed: bool = False,
     compared: bool = True,
     barred: Collection[str] = (),
+    least: float = -np.inf,
 ) -> MarginalFit:
     """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
     `fixed`: use the sizes of the first start. `compared`: whether its evidence will be compared with that of others and
     has to settle, if need be in further rounds; constants then move by less than their uncertainties. `barred`: parts
-    of the error that it has none of, by their names in `ErrorSizes`.
+    of the error that it has none of, by their names in `ErrorSizes`. `least`: ln evidence below which it is of no
+    interest, even without what the priors take from it; a fit ends that would stay below it if each round that is left
+    gained as much as the last one.
 
     It ends where the evidence was largest: far from any minimum, where little is explained, the errors that are
     expected where a descent ends may be quite others than those with which it began.
@@ -263,15 +268,21 @@ def fit(
     starts = _without(barred, starts)
     sizes = starts[0]
     now = best = _Round.before(marginal, _with_loads(marginal, x), sizes)
-    converged, held, before, idle, steps = False, False, np.inf, 0, 0
-    for k in range(rounds + _FURTHER if rounds and compared else rounds):
+    converged, held, before, idle, steps, further = False, False, np.inf, 0, 0, 0.0
+    most = rounds + _FURTHER if rounds and compared else rounds
+    for k in range(most):
         if not (fixed or held):
             others = sizes.at("slow", 1.0).at("tau", 0.0), *of_the_instrument(sizes.colour), *exchanged(sizes)
             again = (sizes, *_without(barred, others)) if k > 0 else ()
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
+            if k > 0 and now.made.most(sizes) + (most - k) * further < least:
+                converged = False
+                break
         last, now = now, now.next(sizes, CLOSE if compared else NEAR)
+        # a descent that has ended by itself leaves nothing to the next one but what other sizes promise
+        further = 0.0 if now.steps < STEPS else max(0.0, now.worth - replace(last, sizes=sizes).worth)
         steps += now.steps
         if now.sizes != last.sizes and now.log_evidence < last.log_evidence - _SETTLED:
             # The quadratic expansion by which these were chosen promised more than it kept.

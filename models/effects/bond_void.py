@@ -57,16 +57,19 @@ class BondVoid(Effect):
         rim = min(fraction * values.get("rim", 0.0), 1 - fraction)
         unit = 2 * np.pi * resonance(assembly.nominal) * acoustic_impedance(assembly.nominal)
         spring = Spring(f"rim-{where.partition(':')[2]}", values.get("hold", _HOLDS) * unit, _Q)
+        own, whole = f"{self.key}@{where}.", rim == 1 - fraction
+        by_fraction, by_rim = (-1.0, 0.0) if whole else (rim / fraction, fraction)  # of the rim's part
 
         def parted(part: ParallelSection) -> tuple[ParallelSection, ...]:
             if not set(interface_at(interface)) <= {layer.name for layer in part.stack.layers}:
                 return (part,)  # already cut off by a void nearer to the disk
-            bonded = replace(part, fraction=part.fraction * (1 - fraction - rim))
-            free = replace(_free(part, interface), fraction=part.fraction * fraction)
             if rim <= 0:
-                return bonded, free
-            weak = replace(part, fraction=part.fraction * rim, stack=with_layer_between(part.stack, interface, spring))
-            return bonded, free, weak
+                return part.share(1 - fraction), _free(part, interface).share(fraction)
+            bonded = part.share(1 - fraction - rim, {f"{own}fraction": -1 - by_fraction, f"{own}rim": -by_rim})
+            free = _free(part, interface).share(fraction, {f"{own}fraction": 1.0})
+            weak = part.share(rim, {f"{own}fraction": by_fraction, f"{own}rim": by_rim})
+            weak = replace(weak, stack=with_layer_between(part.stack, interface, spring))
+            return bonded, free, weak.moving({f"{own}hold": {f"{spring.name}.stiffness": unit}})
 
         return assembly.split(parted)
 

@@ -103,20 +103,28 @@ class LocalMass(Effect):
             return assembly.on_face(where, Dot(fraction, mass, z, _SPEED, rounded, 1 / values.get("loss", _LOSS)))
         dot = Elastic(f"{self.name}@{where}", thickness=mass * _SPEED / z, z=z, c=_SPEED, q=_Q)
         heights = 1 + dome * _NODES
+        own, height = f"{self.key}@{where}.", f"{dot.name}.thickness"
+
+        def as_high(part: ParallelSection, relative: float) -> ParallelSection:
+            t = dot.thickness * relative
+            high = replace(part, stack=part.stack.replace({height: t}))
+            return high.moving(
+                {f"{own}mass": {height: t / mass}, f"{own}impedance": {height: -t / z, f"{dot.name}.z": 1.0}}
+            )
 
         def loaded(part: ParallelSection) -> list[ParallelSection]:
-            on = replace(part, fraction=part.fraction * fraction, stack=with_layer_on_piezo(part.stack, where, dot))
+            on = part.share(fraction, {f"{own}fraction": 1.0})
+            on = replace(on, stack=with_layer_on_piezo(part.stack, where, dot))
             if part.strips is None:
-                moved_by = {f"{self.key}@{where}.dome": _by_dome}
-                return [replace(on, strips=Strips(dot.name, heights, _WEIGHTS / 2, moved_by))]
-            name = f"{dot.name}.thickness"
+                strips = Strips(dot.name, heights, _WEIGHTS / 2, {f"{own}dome": _by_dome})
+                return [replace(as_high(on, 1.0), strips=strips)]
             return [
-                replace(on, fraction=on.fraction * weight / 2, stack=on.stack.replace({name: dot.thickness * height}))
-                for height, weight in zip(heights.tolist(), _WEIGHTS.tolist(), strict=True)
+                as_high(on.share(weight / 2), relative).moving({f"{own}dome": {height: dot.thickness * node}})
+                for node, relative, weight in zip(_NODES.tolist(), heights.tolist(), _WEIGHTS.tolist(), strict=True)
             ]
 
         def parted(part: ParallelSection) -> list[ParallelSection]:
-            return [replace(part, fraction=part.fraction * (1 - fraction)), *loaded(part)]
+            return [part.share(1 - fraction, {f"{own}fraction": -1.0}), *loaded(part)]
 
         return assembly.split(parted)
 

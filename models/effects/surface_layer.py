@@ -57,11 +57,12 @@ class SurfaceLayer(Effect):
         if sum(depths.values()) <= 0:
             return assembly
         ratios = {"c33D": values.get("stiffness", 1.0), "eps33S": values.get("permittivity", 1.0)}
-        return replace(assembly, parts=tuple(_with_dead(part, name, depths, ratios) for part in assembly.parts))
+        own = f"{self.key}@{where}."
+        return replace(assembly, parts=tuple(_with_dead(part, name, depths, ratios, own) for part in assembly.parts))
 
 
 def _with_dead(
-    part: ParallelSection, name: str, depths: Mapping[str, float], ratios: Mapping[str, float]
+    part: ParallelSection, name: str, depths: Mapping[str, float], ratios: Mapping[str, float], own: str
 ) -> ParallelSection:
     """Return the part with dead layers of these depths, at most `_MOST` of the layer, under its faces."""
     layers = part.stack.layers
@@ -89,12 +90,28 @@ def _with_dead(
         for constant, ratio in ratios.items()
         for key in ("re", "im")
     }
-    return replace(
+    made = replace(
         part,
         stack=stack,
         scale={**part.scale, **scales},
         linked_parameters={**part.linked_parameters, **linked_parameters},
     )
+    if scale < 1:
+        return made
+    by_depth = {
+        f"{own}{side}": {f"{layer.name}.thickness": 1.0, f"{name}.thickness": -1.0} for side, layer in dead.items()
+    }
+    by_ratio = {
+        f"{own}stiffness": _moved(dead, "c33D", whole.c33D),
+        f"{own}permittivity": _moved(dead, "eps33S", whole.eps33S),
+    }
+    return made.moving({**by_depth, **by_ratio})
+
+
+def _moved(dead: Mapping[str, Piezo], constant: str, whole: complex) -> dict[str, float]:
+    """Return the derivatives of a constant of all dead layers by their ratio to the live layer's, `whole`."""
+    parts = {"re": whole.real, "im": whole.imag}
+    return {f"{layer.name}.{constant}.{key}": size for layer in dead.values() for key, size in parts.items()}
 
 
 EFFECT = SurfaceLayer()

@@ -15,7 +15,7 @@ from .base.scale import active
 _FEWEST, _MOST = 7, 97
 """Number of strips, at least and at most."""
 _NEARLY = 1e-7
-"""Tolerated relative error of the mean over the face; determines the number of strips."""
+"""Tolerated error of the mean over the face, relative to it; determines the number of strips."""
 _WEDGE, _ARCHED = 1.0, 0.6
 """Shape of a wedge, and of faces that are mostly far from the mean; at 1/2 the quadrature is singular."""
 _NORMAL = 60.0
@@ -72,15 +72,17 @@ class ThicknessVariation(Effect):
         if w == 0:
             return assembly
 
+        wide = min(w, _TAILS * float(np.sqrt(values["variance"])))
+
         def varied(part: ParallelSection) -> list[ParallelSection]:
-            wide = min(w, _TAILS * float(np.sqrt(values["variance"])))
-            nodes, weights = _gauss(_strips(part.stack, wide), shape)
+            each = part.each_strip()
+            nodes, weights = _gauss(_strips(part.stack, wide, max(one.fraction for one in each)), shape)
             moved_by = {
                 f"{self.key}@{where}.variance": lambda: (_by_variance(values) * nodes, np.zeros_like(weights)),
                 f"{self.key}@{where}.shape": lambda: _by_shape(values, nodes.size),
             }
             strips = Strips(layer_at(where), 1 + w * nodes, weights, moved_by)
-            return [replace(one, strips=strips) for one in part.each_strip()]
+            return [replace(one, strips=strips) for one in each]
 
         return assembly.split(varied)
 
@@ -104,11 +106,14 @@ def _by_shape(values: Mapping[str, float], n: int) -> tuple[Reals, Reals]:
     return of_w * (nodes + further) / 2 + w * (further - nodes) / (2 * _STEP), (heavier - weights) / (2 * _STEP)
 
 
-def _strips(stack: Stack, w: float) -> int:
-    """Return the number of strips of a range: Gauss's error falls by rho^2 with each, rho by how far poles are."""
+def _strips(stack: Stack, w: float, fraction: float) -> int:
+    """Return the number of strips of a range: Gauss's error falls by rho^2 with each, rho by how far poles are.
+
+    On a part of the face a larger relative error is tolerated, inversely to its `fraction`.
+    """
     c33D = active(stack).c33D
     away = c33D.imag / (2 * c33D.real * w)
-    needed = -np.log(_NEARLY) / (2 * np.arcsinh(max(away, 1e-3)))
+    needed = np.log(fraction / _NEARLY) / (2 * np.arcsinh(max(away, 1e-3)))
     return min(max(int(np.ceil(needed)), _FEWEST), _MOST)
 
 

@@ -14,7 +14,7 @@ from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Prior, Recording
 from ...error_model.at_resonance import at_resonance
-from ...error_model.error_sizes import ErrorSizes
+from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal import Marginal
 from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
 from ...error_model.prior_scales import LEFT, SHAPE
@@ -213,13 +213,14 @@ def fitted(
     compared: bool = True,
     about: Corrections | None = None,
     barred: Collection[str] = (),
+    least: float = -np.inf,
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
     `fixed`: whether errors have the sizes of the first start. `others`: further values from which plain least squares
     start; the fit continues from the lowest minimum. `compared`: whether the evidence has to settle. `about`:
     corrections of constants about which the errors of a fit are linear that ended at `values`. `barred`: parts of the
-    error that it has none of, by their names in `ErrorSizes`.
+    error that it has none of, by their names in `ErrorSizes`. `least`: its weight must be more to be of interest.
     """
     marginal = marginal_of(problem, effects, values).around(about)
     x = marginal.objective.coordinates.x
@@ -227,7 +228,9 @@ def fitted(
         free = marginal.objective.coordinates.free
         more = [marginal_of(problem, effects, other).objective.coordinates for other in others]
         x = plain(marginal, [x, *(other.x for other in more if other.free == free)])
-    return _weighed(problem, effects, fit(marginal, x, starts, rounds, fixed=fixed, compared=compared, barred=barred))
+    least -= SizePriors(effects, marginal.objective.coordinates.free).log_volume() + _log_odds(effects)
+    found = fit(marginal, x, starts, rounds, fixed=fixed, compared=compared, barred=barred, least=least)
+    return _weighed(problem, effects, found)
 
 
 def at_minimum(
@@ -235,13 +238,15 @@ def at_minimum(
     effects: Sequence[Candidate],
     values: Mapping[str, float],
     minimum: Minimum,
+    value: Value | None = None,
     anew: Sequence[ErrorSizes] = (),
 ) -> Hypothesis:
     """Return the hypothesis that `fitted` from these values found in another process or for other recordings.
 
-    `anew`: sizes of errors to begin with where they are to be chosen again, for other recordings.
+    `value`: of the likelihood there, for the same recordings. `anew`: sizes of errors to begin with where they are to
+    be chosen again, for other recordings.
     """
-    found = MarginalFit.at(marginal_of(problem, effects, values), minimum)
+    found = MarginalFit.at(marginal_of(problem, effects, values), minimum, value)
     return _weighed(problem, effects, found.with_sizes_of(anew) if anew else found)
 
 
@@ -256,12 +261,17 @@ def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
 
 def _weighed(problem: Problem, effects: Sequence[Candidate], found: MarginalFit) -> Hypothesis:
     priors = SizePriors(effects, found.marginal.objective.coordinates.free)
-    odds = sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
     objective, values = found.marginal.objective, found.values
     tails = priors.log_tails(found.x)
     tails += log_tails_of(objective.improbability(values), objective.prior_deviations(values))
     losses = own_losses(problem.losses, effects)
+    odds = _log_odds(effects)
     return Hypothesis(tuple(effects), found, tails + log_losses(losses, found), priors.log_volume(), odds, losses)
+
+
+def _log_odds(effects: Sequence[Candidate]) -> float:
+    """Return the logarithm of the prior odds of all these effects."""
+    return sum(float(np.log(ODDS * one.effect.odds)) for one in effects)
 
 
 def coarseness(shortfall: float, exact: bool = False) -> float:

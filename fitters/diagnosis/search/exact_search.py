@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from ...engine.on_cores import on_cores
-from ...error_model.error_sizes import ErrorSizes
+from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal_fit import Minimum
 from ..decision_rules import EXACT_FIRST, EXACT_LATER, MOST, NEAR, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, fitted
@@ -82,17 +82,17 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
         one for rank, one in enumerate(promises) if (first and one.absorbed) or (rank < most and one.gain > WORTH)
     ]
     starts = [(one.candidate, start) for one in chosen for start in one.starts]
-    minima = on_cores([partial(_minimum, problem, parent, one, start) for one, start in starts], jobs)
+    ends = on_cores([partial(_end, problem, parent, one, start) for one, start in starts], jobs)
     return [
-        at_minimum(problem, (*parent.effects, one), {**parent.values, **start}, minimum)
-        for (one, start), minimum in zip(starts, minima, strict=True)
-        if minimum is not None
+        at_minimum(problem, (*parent.effects, one), {**parent.values, **start}, *end)
+        for (one, start), end in zip(starts, ends, strict=True)
+        if end is not None
     ]
 
 
-def _minimum(problem: Problem, parent: Hypothesis, one: Candidate, start: dict[str, float]) -> Minimum | None:
+def _end(problem: Problem, parent: Hypothesis, one: Candidate, start: dict[str, float]) -> tuple[Minimum, Value] | None:
     made = _fitted(problem, (*parent.effects, one), {**parent.values, **start}, near=True, compared=False)
-    return None if made is None else made.fit.minimum
+    return None if made is None else (made.fit.minimum, made.fit.value)
 
 
 def _fitted(

@@ -8,7 +8,7 @@ from weakref import WeakSet
 import numpy as np
 
 from ...engine.on_cores import on_cores
-from ...error_model.error_sizes import ErrorSizes
+from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal_fit import Minimum
 from ...interface import FitError
 from ..decision_rules import BUDGET, CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
@@ -109,8 +109,8 @@ class FittedHypotheses:
         if self.jobs == 1:
             made = [self._fitted(plan) for plan in plans]
         else:
-            minima = on_cores([partial(self._minimum, plan) for plan in plans], self.jobs)
-            made = [self._at(plan, minimum) for plan, minimum in zip(plans, minima, strict=True)]
+            ends = on_cores([partial(self._end, plan) for plan in plans], self.jobs)
+            made = [None if end is None else self._at(plan, *end) for plan, end in zip(plans, ends, strict=True)]
         self._spent += self.problem.points * sum(one.fit.minimum.steps for one in made if one is not None)
         return made
 
@@ -119,14 +119,13 @@ class FittedHypotheses:
         """Whether the budget of the search is spent: what is left of it is not done."""
         return self._spent > BUDGET
 
-    def _minimum(self, plan: Plan) -> Minimum | None:
+    def _end(self, plan: Plan) -> tuple[Minimum, Value] | None:
+        """Return what another process needs to know of a fit; None if it cannot be computed."""
         made = self._fitted(plan)
-        return None if made is None else made.fit.minimum
+        return None if made is None else (made.fit.minimum, made.fit.value)
 
-    def _at(self, plan: Plan, minimum: Minimum | None) -> Hypothesis | None:
-        if minimum is None:
-            return None
-        return computed(lambda: at_minimum(self.problem, plan.effects, plan.values, minimum))
+    def _at(self, plan: Plan, minimum: Minimum, value: Value) -> Hypothesis | None:
+        return computed(lambda: at_minimum(self.problem, plan.effects, plan.values, minimum, value))
 
     def _fitted(self, plan: Plan) -> Hypothesis | None:
         """Return the fit; None if it cannot be computed."""
@@ -143,8 +142,13 @@ class FittedHypotheses:
                 others=plan.others,
                 compared=plan.compared,
                 about=plan.about,
+                least=self._least(plan),
             )
         )
+
+    def _least(self, plan: Plan) -> float:
+        """Return what a hypothesis has to weigh to be in reach of the best one."""
+        return self.best.log_weight - NEAR * self.temper if plan.effects and self.found else -np.inf
 
     def take(self, made: Hypothesis | None) -> None:
         """Keep a hypothesis unless one of the same effects is better."""
@@ -235,7 +239,7 @@ class FittedHypotheses:
         own, null = one.fit.sizes, self.null.fit.sizes
         coloured = own.at("colour", null.colour)
         anew = () if own.exact else (coloured, coloured.at("rho", null.rho))
-        return computed(lambda: at_minimum(self.problem, one.effects, one.values, one.fit.minimum, anew))
+        return computed(lambda: at_minimum(self.problem, one.effects, one.values, one.fit.minimum, anew=anew))
 
     def _promising(self) -> list[Hypothesis]:
         """Return the hypotheses in reach that would be best if their fits kept their promises."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from ...error_model.error_sizes import ErrorSizes
 from ..decision_rules import (
+    AHEAD,
     CLASS_NATS,
     FITTED_ASTRAY,
     FITTED_FIRST,
@@ -216,7 +217,9 @@ class GreedySearch(FittedHypotheses):
         """Fit each of these effects alone, from plain least squares and, if that has led nowhere, from the null's."""
         self.progress(f"trying {len(chosen)} effects")
         null = self.null
-        self.fit([plan for one, promises in chosen.items() for plan in self._plans(null, one, promises)])
+        plans = [plan for one, promises in chosen.items() for plan in self._plans(null, one, promises)]
+        self.fit(plans[:AHEAD])
+        self.fit(plans[AHEAD:])
         lost = [promises[0] for one, promises in chosen.items() if self._lost(null, one)]
         if self.best.fit.shortfall == 0:
             lost = [promise for promise in lost if not promise.absorbed]  # it adds nothing to the null near its minimum

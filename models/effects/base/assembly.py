@@ -55,6 +55,13 @@ class Conditions:
         return np.asarray(rates / np.average(rates, weights=np.gradient(part)), np.float64)
 
 
+PartSlope = tuple[float, Mapping[str, float]]
+"""Derivatives by a parameter of an effect: of a part's fraction of the face, and of parameters of the stack there."""
+
+_NONE: Mapping[str, float] = {}
+_FIXED: PartSlope = (0.0, _NONE)
+
+
 @dataclass(frozen=True)
 class ParallelSection:
     """A part of the face, with the stack on it."""
@@ -68,21 +75,35 @@ class ParallelSection:
     """Parameters of this stack that change with one of the device, for a layer that an effect has cut in two."""
     strips: Strips | None = None
     """Distribution of a layer's thickness over this part."""
+    by_effects: Mapping[str, PartSlope] = field(default_factory=dict[str, PartSlope])
+    """Exact derivatives by parameters of effects that divide the face."""
+
+    def share(self, part: float, slopes: Mapping[str, float] = _NONE) -> Self:
+        """Return a part of this part; `slopes`: derivatives of `part` by parameters of the effect that divides it."""
+        before = {name: (slope * part, moved) for name, (slope, moved) in self.by_effects.items()}
+        own = {name: (self.fraction * slope, dict[str, float]()) for name, slope in slopes.items()}
+        return replace(self, fraction=self.fraction * part, by_effects={**before, **own})
+
+    def moving(self, slopes: Mapping[str, Mapping[str, float]]) -> Self:
+        """Return the part with derivatives of parameters of its stack by parameters of an effect."""
+        of_fraction = {name: self.by_effects.get(name, _FIXED)[0] for name in slopes}
+        own = {name: (of_fraction[name], moved) for name, moved in slopes.items()}
+        return replace(self, by_effects={**self.by_effects, **own})
 
     def moved_by(self, names: Sequence[str]) -> list[tuple[int, str, float]]:
         """Return (position in `names`, parameter of this part, its derivative) for all that `names` change."""
-        own = self.stack.names
+        own, of_strips = self.stack.names, () if self.strips is None else self.strips.moved_by
         return [
             (k, moved, self.scale.get(moved, 1.0))
             for k, name in enumerate(names)
             for moved in (name, *self.linked_parameters.get(name, ()))
-            if moved in own or moved in self.shaped_by
+            if moved in own or moved in of_strips
         ]
 
     @property
     def shaped_by(self) -> Collection[str]:
-        """Parameters of the distribution of thickness."""
-        return () if self.strips is None else self.strips.moved_by
+        """Parameters of effects that divide the face, and of the distribution of thickness."""
+        return {*self.by_effects, *(() if self.strips is None else self.strips.moved_by)}
 
     def each_strip(self) -> "Sequence[ParallelSection]":
         """Return the strips as parts of their own."""
@@ -90,15 +111,19 @@ class ParallelSection:
             return (self,)
         name = f"{self.strips.layer}.thickness"
         t, own = self.stack.parameters()[name], self.scale.get(name, 1.0)
-        return [
-            ParallelSection(
-                self.fraction * fraction,
-                self.stack.replace({name: t * factor}),
-                {**self.scale, name: own * factor},
-                self.linked_parameters,
-            )
-            for factor, fraction in zip(self.strips.factors.tolist(), self.strips.fractions.tolist(), strict=True)
-        ]
+        shaped = {key: derivatives() for key, derivatives in self.strips.moved_by.items()}
+        made: list[ParallelSection] = []
+        for k, (factor, fraction) in enumerate(zip(self.strips.factors, self.strips.fractions, strict=True)):
+            of_shape = {key: (factors[k], fractions[k]) for key, (factors, fractions) in shaped.items()}
+            part = self.share(float(fraction), {key: float(slope) for key, (_, slope) in of_shape.items()})
+            slopes = {
+                key: {one: slope * (float(factor) if one == name else 1.0) for one, slope in moved.items()}
+                for key, (_, moved) in self.by_effects.items()
+            }
+            part = part.moving({**slopes, **{key: {name: t * float(slope)} for key, (slope, _) in of_shape.items()}})
+            scale = {**self.scale, name: own * float(factor)}
+            made.append(replace(part, stack=self.stack.replace({name: t * factor}), scale=scale, strips=None))
+        return made
 
     def admittance(self, frequency: Frequencies) -> Complexes:
         """Return its share of the admittance, S, shape (N,)."""
@@ -108,16 +133,22 @@ class ParallelSection:
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Complexes, Complexes]:
         """Return the same, and d Y / d parameter of the device, shape (P, N); 0 for what does not change it."""
+        by_effects = {k: self.by_effects[name] for k, name in enumerate(names) if name in self.by_effects}
         moved = self.moved_by(names)
-        own = [name for _, name, _ in moved]
+        there = self.stack.names  # a void may have cut off what an effect has added
+        moved += [(k, one, slope) for k, (_, of) in by_effects.items() for one, slope in of.items() if one in there]
+        own = list(dict.fromkeys(name for _, name, _ in moved))
         if self.strips is None:
             Z, dlnZ = self.stack.jacobian(frequency, own)
             whole, slopes = 1 / Z, -dlnZ / Z
         else:
             whole, slopes = self.strips.jacobian(self.stack, frequency, own)
         by_name = np.zeros((len(names), frequency.size), np.complex128)
-        for row, (k, _, scale) in zip(slopes, moved, strict=True):
-            by_name[k] += self.fraction * scale * row
+        rows = dict(zip(own, slopes, strict=True))
+        for k, name, scale in moved:
+            by_name[k] += self.fraction * scale * rows[name]
+        for k, (of_fraction, _) in by_effects.items():
+            by_name[k] += of_fraction * whole
         return self.fraction * whole, by_name
 
 
@@ -189,7 +220,7 @@ class Assembly:
 
     @property
     def shaped_by(self) -> frozenset[str]:
-        """Parameters of distributions of thickness, by which `steady_jacobian` gives derivatives, too."""
+        """Parameters of effects by which `steady_jacobian` gives derivatives, too."""
         return frozenset(name for part in self.parts for name in part.shaped_by)
 
     def each_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
