@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ....models.effects.learned.learned import LearnedLaw
+from ..decision_rules import SUREST
 from ..findings import Alternative
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Candidate, Problem
@@ -57,6 +59,21 @@ def concluded_without_law(problem: Problem, conclusion: Conclusion, choice: Choi
         sure, share = choice.inclusion(effect), _share(less, found)
         named.append(NamedEffect(effect, sure, moved(found, less), share, "finding", less, (), said))
     return _with(conclusion, found, named)
+
+
+def as_sure_as_the_list(conclusion: Conclusion) -> Conclusion:
+    """Return the conclusion with no effect of the catalogue surer than that what was recorded is in a catalogue."""
+    named = [
+        one
+        if isinstance(one.candidate.effect, LearnedLaw)
+        else replace(
+            one,
+            probability=min(one.probability, SUREST),
+            same_as=tuple(replace(same, probability=min(same.probability, SUREST)) for same in one.same_as),
+        )
+        for one in conclusion.named
+    ]
+    return replace(conclusion, named=tuple(named))
 
 
 def _with(conclusion: Conclusion, final: Hypothesis, named: Sequence[NamedEffect]) -> Conclusion:

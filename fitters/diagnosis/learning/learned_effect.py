@@ -19,7 +19,7 @@ from .drawn_corrections import PlacedCorrection
 from .explanations import Choice, Explanation, better, chosen, distinct, enough, explains
 from .law_fits import LearnedCorrection
 from .laws import learned_laws
-from .learned_conclusion import concluded, concluded_without_law, with_its_place
+from .learned_conclusion import as_sure_as_the_list, concluded, concluded_without_law, with_its_place
 from .places import placed_corrections
 from .plain_laws import plainly_better_laws
 from .sharp_laws import sharp_laws
@@ -63,7 +63,7 @@ class Learning:
             conclusion = found
             beside = replace(self, problem=self._beside_lines_of(found.final))
             found, _ = beside.extended(found, [found.final, *_without_artefacts(beside.problem, found.final)])
-        return self._validated(found), places
+        return as_sure_as_the_list(self._validated(found)), places
 
     def _validated(self, conclusion: Conclusion) -> Conclusion:
         """Return the conclusion with the forecast of held-out data, if a law was learned."""

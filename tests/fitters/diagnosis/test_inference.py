@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pzctl.fitters.diagnosis import decision_rules
 from pzctl.fitters.diagnosis.data_quality.data_gates import Gated
 from pzctl.fitters.diagnosis.data_quality.data_issues import DataCheck, DataIssue
-from pzctl.fitters.diagnosis.decision_rules import ODDS, UNFORESEEN
+from pzctl.fitters.diagnosis.decision_rules import ODDS, SUREST, UNFORESEEN
 from pzctl.fitters.diagnosis.findings import Alternative, Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
@@ -32,6 +32,7 @@ from pzctl.fitters.diagnosis.inference.effect_size import (
 )
 from pzctl.fitters.diagnosis.inference.finite_diameter import FiniteDisk, beside, tried
 from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
+from pzctl.fitters.diagnosis.learning.learned_conclusion import as_sure_as_the_list
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.score_test import scores
 from pzctl.fitters.error_model.prior_scales import INSTRUMENT
@@ -254,3 +255,11 @@ def test_every_threshold_states_its_source() -> None:
         assert isinstance(number, ast.Assign)
         assert isinstance(words, ast.Expr)
         assert len(ast.literal_eval(words.value)) > 20
+
+
+def test_where_laws_are_looked_for_no_name_is_surer_than_the_list_is_complete(lead_case) -> None:
+    found = conclude(lead_case.search)
+    (listed,), (unsure,) = found.named, as_sure_as_the_list(found).named
+    assert listed.candidate.effect.name == unsure.candidate.effect.name == "lead-inductance"
+    assert listed.probability > 0.95
+    assert unsure.probability == SUREST < 0.9
