@@ -28,6 +28,8 @@ _IDLE = 3
 """Rounds in succession in which the evidence has not grown, after which a fit ends: columns and sizes go to and fro."""
 _WEIGHTED, _UNCHANGED = 10, 0.02
 """Largest number of reweightings of plain least squares, and the relative decrease below which they stop."""
+NEVER = (-np.inf, -np.inf)
+"""A range that nothing is in."""
 _NOT_OF_THE_MODEL = ("slow", "fast", "switch", "fixture", "held")
 """Parts of the error that have physical sizes known beforehand."""
 
@@ -251,15 +253,15 @@ def fit(
     fixed: bool = False,
     compared: bool = True,
     barred: Collection[str] = (),
-    least: float = -np.inf,
+    hopeless: tuple[float, float] = NEVER,
 ) -> MarginalFit:
     """Fit from `x`: alternate between choosing the sizes of the errors and descending with them.
 
     `fixed`: use the sizes of the first start. `compared`: whether its evidence will be compared with that of others and
     has to settle, if need be in further rounds; constants then move by less than their uncertainties. `barred`: parts
-    of the error that it has none of, by their names in `ErrorSizes`. `least`: ln evidence below which it is of no
-    interest, even without what the priors take from it; a fit ends that would stay below it if each round that is left
-    gained as much as the last one.
+    of the error that it has none of, by their names in `ErrorSizes`. `hopeless`: range of ln evidence, without
+    what the priors take from it, in which a fit ends if it would stay there although each round that is left gained as
+    much as the last one. Above, it may be of interest; below, it has not even come to where its effects are absent.
 
     It ends where the evidence was largest: far from any minimum, where little is explained, the errors that are
     expected where a descent ends may be quite others than those with which it began.
@@ -277,7 +279,7 @@ def fit(
             # Later rounds only follow the descent; another start has its turn if it has become the better one.
             sizes, _ = chosen(now.made, (*again, *starts, rough_guess(now.made)), order, all_starts=k == 0)
             best = _better(best, replace(now, sizes=sizes))
-            if k > 0 and now.made.most(sizes) + (most - k) * further < least:
+            if k > 0 and hopeless[0] < now.made.most(sizes) < hopeless[1] - (most - k) * further:
                 converged = False
                 break
         last, now = now, now.next(sizes, CLOSE if compared else NEAR)

@@ -23,6 +23,8 @@ class ActiveLine(Line):
     """h33/(jw), shape (N,)."""
     W: Complexes
     """Clamped impedance t/(jw eps33S), ohm m2, shape (N,)."""
+    poled: bool = True
+    """Whether H is not zero."""
 
     def face_velocities(self, back: ComplexLike, front: ComplexLike) -> tuple[Complexes, Complexes]:
         """Return the velocities of back and front face into the layer per unit current density."""

@@ -71,7 +71,11 @@ class Network:
         path: Path | None = None,
     ) -> None:
         self.sections, self.path = sections, path
-        self.active = {k: section for k, section in enumerate(sections) if isinstance(section, ActiveLine)}
+        electroded = {k: section for k, section in enumerate(sections) if isinstance(section, ActiveLine)}
+        # In series, a layer that is not poled only adds its clamped impedance: no current moves it.
+        poled = {k: section for k, section in electroded.items() if parallel or section.poled}
+        self.active = poled or electroded
+        self.unpoled = {k: section for k, section in electroded.items() if k not in self.active}
         self.first, self.last = min(self.active), max(self.active)
         self.backward, self.forward = Side({0: back}, {}), Side({len(sections): front}, {})
         ends = (self.first + 1, self.last) if path is None else (path.behind, path.before)
@@ -86,8 +90,9 @@ class Network:
 
     def _terminals(self, parallel: bool) -> tuple[dict[int, ComplexLike], Complexes]:
         """Return the current density of each piezoelectric layer per terminal current, and the impedance in ohm m2."""
+        clamped: Complexes | float = sum((section.W for section in self.unpoled.values()), 0.0)
         if len(self.active) == 1 and self.path is None:
-            return {self.first: 1.0}, self.active[self.first].self_impedance(*self.sources[self.first])
+            return {self.first: 1.0}, clamped + self.active[self.first].self_impedance(*self.sources[self.first])
         ports = self._ports()
         if self.path is not None:
             # The path takes up part of the motion t that each current causes between its ends.
@@ -95,7 +100,7 @@ class Network:
             soft = np.asarray(self._softness(self.path))
             ports = ports + t[..., :, None] * t[..., None, :] / soft[..., None, None]
         if not parallel:
-            return dict.fromkeys(self.active, 1.0), ports.sum(axis=(-2, -1))
+            return dict.fromkeys(self.active, 1.0), clamped + ports.sum(axis=(-2, -1))
         shares = np.linalg.solve(ports, np.ones((*ports.shape[:-1], 1)))[..., 0]
         Z = 1.0 / shares.sum(axis=-1)
         return {k: shares[..., i] * Z for i, k in enumerate(self.active)}, Z
@@ -216,4 +221,6 @@ class Network:
         faces = v1, F1, v2, F2
         if k in self.active:
             return self.active[k].weights_driven(self.currents[k], *faces)
+        if k in self.unpoled:
+            return self.unpoled[k].weights_driven(1.0, *faces)
         return self.sections[k].weights(*faces)

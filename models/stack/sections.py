@@ -46,5 +46,5 @@ def _lines(
             per_jw.imag = -1.0 / omega
             H = layer.field_per_strain(frequency) * per_jw
             W = layer.clamped_elastance(frequency) * per_jw
-            result[layer.name] = ActiveLine(Zc, delay, jw, D[k], b[k], H, W)
+            result[layer.name] = ActiveLine(Zc, delay, jw, D[k], b[k], H, W, layer.h33 != 0)
     return result

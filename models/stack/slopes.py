@@ -34,15 +34,23 @@ class Slopes:
 
     def write(self, name: str, row: Complexes) -> None:
         """Write d Z / d `name`, ohm m2 per unit of the parameter, into `row`, shape (N,). Raises KeyError."""
+        _, weight, size = self.factors(name)
+        np.multiply(weight, size, out=row)
+
+    def factors(self, name: str) -> tuple[tuple[str, str], ComplexLike, ComplexLike]:
+        """Return d Z / d `name` as a product: by a quantity of a section, and of that by the parameter.
+
+        The first result says which quantity of which section: its derivative is the same for several parameters.
+        Raises KeyError.
+        """
         owner, _, key = name.partition(".")
         if self._bolt is not None and name == f"{NAME}.stiffness":
-            np.multiply(self._network.path_weight, 1 / self._bolt.stiffness, out=row)
-            return
+            return (NAME, key), self._network.path_weight, 1 / self._bolt.stiffness
         if owner not in self._known:
             self._known[owner] = self._load(owner) if owner in self._loads else self._layer(owner)
         weights, gradients = self._known[owner]
         quantity, size = gradients[key]
-        np.multiply(weights[quantity], size, out=row)
+        return (owner, quantity), weights[quantity], size
 
     def _layer(self, owner: str) -> tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]:
         k, layer = self._layers[owner]

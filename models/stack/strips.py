@@ -9,12 +9,13 @@ from ..base.arrays import Complexes, Frequencies, Reals, j_omega
 from .acoustic_line import Line, one_minus_exp
 from .active import ActiveLine
 from .layers import Elastic, Piezo
+from .loss_laws import ComplexLike
 from .network import Network, Section
 from .sections import sections_of
 from .slopes import Slopes
 from .stack import Stack
 
-_TOGETHER = 4096
+_TOGETHER = 8192
 """Largest number of elements per array, so that the arrays fit into the processor's cache."""
 
 
@@ -51,17 +52,20 @@ class Strips:
             total += self.fractions[part] @ admittance
             weight = -self.fractions[part, None] * admittance / network.Z
             of_layers = Slopes(network, stack.layers, loads, frequency, stack.bolt)
-            row = np.empty(network.Z.shape, np.complex128)
+            sums: dict[tuple[str, str], Complexes] = {}  # over the strips
             for p, name in enumerate(names):
                 if name == "area":
-                    np.multiply(network.Z + network.path_weight, -1 / stack.area, out=row)
-                else:
-                    of_layers.write(thickness if name in moved else name, row)
+                    slopes[p] -= _over_strips(weight, network.Z + network.path_weight) / stack.area
+                    continue
+                quantity, each, size = of_layers.factors(thickness if name in moved else name)
                 if name in moved:
                     factors, fractions = moved[name]
-                    slopes[p] += fractions[part] @ admittance
-                    row *= (layer.thickness * factors[part] / self.factors[part])[:, None]
-                slopes[p] += np.einsum("qn,qn->n", weight, row)
+                    relative = layer.thickness * factors[part] / self.factors[part]
+                    slopes[p] += fractions[part] @ admittance + _over_strips(relative[:, None] * weight, each) * size
+                    continue
+                if quantity not in sums:
+                    sums[quantity] = _over_strips(weight, each)
+                slopes[p] += sums[quantity] * size
         return total, slopes
 
     def _networks(self, stack: Stack, frequency: Frequencies) -> Iterator[tuple[slice, Network]]:
@@ -84,6 +88,11 @@ class Strips:
         raise KeyError(f"no layer {self.layer!r} with a thickness in the stack")
 
 
+def _over_strips(weight: Complexes, each: ComplexLike) -> Complexes:
+    """Return the weighted sum over strips, shape (N,); `each`: of every strip, shape (Q, N), or the same for all."""
+    return np.einsum("qn,qn->n", weight, np.broadcast_to(each, weight.shape))
+
+
 def _line(layer: Elastic | Piezo, frequency: Frequencies, part: Reals) -> Section:
     """Return a layer at its thickness times each `part`, shape (Q, 1): its quantities have shape (Q, N)."""
     jw = j_omega(frequency)
@@ -95,4 +104,4 @@ def _line(layer: Elastic | Piezo, frequency: Frequencies, part: Reals) -> Sectio
         return Line(Zc, delays, jw, D, b)
     H = np.asarray(layer.field_per_strain(frequency) / jw, np.complex128)
     W = np.asarray(layer.clamped_elastance(frequency) * part / jw, np.complex128)
-    return ActiveLine(Zc, delays, jw, D, b, H, W)
+    return ActiveLine(Zc, delays, jw, D, b, H, W, layer.h33 != 0)

@@ -16,7 +16,7 @@ from ...engine.recording import Prior, Recording
 from ...error_model.at_resonance import at_resonance
 from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal import Marginal
-from ...error_model.marginal_fit import MarginalFit, Minimum, fit, plain
+from ...error_model.marginal_fit import NEVER, MarginalFit, Minimum, fit, plain
 from ...error_model.prior_scales import LEFT, SHAPE
 from ...error_model.unexplained import beyond_constants, rms_of, unexplained_at
 from ...interface import UNCOMPUTABLE
@@ -213,14 +213,14 @@ def fitted(
     compared: bool = True,
     about: Corrections | None = None,
     barred: Collection[str] = (),
-    least: float = -np.inf,
+    hopeless: tuple[float, float] = NEVER,
 ) -> Hypothesis:
     """Fit a hypothesis starting at `values`; `near` means that they are close to the minimum.
 
     `fixed`: whether errors have the sizes of the first start. `others`: further values from which plain least squares
     start; the fit continues from the lowest minimum. `compared`: whether the evidence has to settle. `about`:
     corrections of constants about which the errors of a fit are linear that ended at `values`. `barred`: parts of the
-    error that it has none of, by their names in `ErrorSizes`. `least`: its weight must be more to be of interest.
+    error that it has none of, by their names in `ErrorSizes`. `hopeless`: range of weights in which a fit ends.
     """
     marginal = marginal_of(problem, effects, values).around(about)
     x = marginal.objective.coordinates.x
@@ -228,8 +228,9 @@ def fitted(
         free = marginal.objective.coordinates.free
         more = [marginal_of(problem, effects, other).objective.coordinates for other in others]
         x = plain(marginal, [x, *(other.x for other in more if other.free == free)])
-    least -= SizePriors(effects, marginal.objective.coordinates.free).log_volume() + _log_odds(effects)
-    found = fit(marginal, x, starts, rounds, fixed=fixed, compared=compared, barred=barred, least=least)
+    beforehand = SizePriors(effects, marginal.objective.coordinates.free).log_volume() + _log_odds(effects)
+    between = hopeless[0] - beforehand, hopeless[1] - beforehand
+    found = fit(marginal, x, starts, rounds, fixed=fixed, compared=compared, barred=barred, hopeless=between)
     return _weighed(problem, effects, found)
 
 

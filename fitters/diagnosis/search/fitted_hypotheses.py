@@ -9,7 +9,7 @@ import numpy as np
 
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes, Value
-from ...error_model.marginal_fit import Minimum
+from ...error_model.marginal_fit import NEVER, Minimum
 from ...interface import FitError
 from ..decision_rules import BUDGET, CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted, probabilities, temper_of
@@ -142,13 +142,18 @@ class FittedHypotheses:
                 others=plan.others,
                 compared=plan.compared,
                 about=plan.about,
-                least=self._least(plan),
+                hopeless=self._hopeless if plan.effects and self.found else NEVER,
             )
         )
 
-    def _least(self, plan: Plan) -> float:
-        """Return what a hypothesis has to weigh to be in reach of the best one."""
-        return self.best.log_weight - NEAR * self.temper if plan.effects and self.found else -np.inf
+    @property
+    def _hopeless(self) -> tuple[float, float]:
+        """Weights in which a fit is given up: out of reach of the best one, but no longer far below the null.
+
+        As long as it is, it has not even come to where its effects are absent, and how far it gets is not known.
+        """
+        reach = NEAR * self.temper
+        return self.null.log_weight - reach, self.best.log_weight - reach
 
     def take(self, made: Hypothesis | None) -> None:
         """Keep a hypothesis unless one of the same effects is better."""
