@@ -19,7 +19,10 @@ check: .venv/ready ## lint, format, import contracts, types
 	$(BIN)/lint-imports
 	$(BIN)/pyright
 
-bench: .venv/ready ## the benchmarks behind all stated figures
+test-long: .venv/ready ## run the tests that `make test` leaves out because they compute for long
+	$(BIN)/pytest -n auto --dist worksteal -m long
+
+bench: test-long ## these, and the benchmarks behind all stated figures
 	$(BIN)/pytest --override-ini addopts=--import-mode=importlib -s tests/benchmarks
 
 docs: .venv/ready ## pages generated from code (thesis, schemas, keys of files, errors, gallery), and the guides as web pages in build/site
@@ -36,7 +39,7 @@ docs-version: docs ## put the guides of this version beside those of earlier one
 
 errors: .venv/ready ## run the tests and list in docs/errors.md every sentence that they provoke
 	rm -f docs/provoked.jsonl
-	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist worksteal --deselect tests/test_docs.py::test_nearly_every_sentence_is_provoked_by_a_test
+	OPENBLAS_NUM_THREADS=1 PZCTL_PROVOKED=$(CURDIR)/docs/provoked.jsonl PYTHONPATH=$(CURDIR)/tests/support/provoked_by $(BIN)/pytest -n auto --dist worksteal -m 'long or not long' --deselect tests/test_docs.py::test_nearly_every_sentence_is_provoked_by_a_test
 	$(BIN)/python docs/tools/errors_page.py docs/errors.md
 	$(BIN)/pytest -q tests/test_docs.py
 

@@ -57,6 +57,7 @@ def test_json_has_the_form_of_a_diagnosis_and_the_picture_is_drawn(
     assert "picture:" in err
 
 
+@pytest.mark.long
 def test_the_common_difference_is_the_coil_and_the_outlier_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,6 +79,7 @@ def test_the_common_difference_is_the_coil_and_the_outlier_is_named(
     assert found["outliers"] == [after[3]]
 
 
+@pytest.mark.long
 def test_with_a_build_a_change_inside_is_named_by_its_layer(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -45,6 +45,7 @@ def the_diagnosis(done: "subprocess.CompletedProcess[str]") -> dict[str, Any]:
     return found
 
 
+@pytest.mark.long
 def test_a_wider_sweep_decides_what_one_sweep_leaves_open(start_daemon, tmp_path: Path) -> None:
     """The device of the guide, with two effects; tests/benchmarks/test_deciding_sweeps.py runs the guide's commands."""
     start_daemon(names=("mason",), simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})

@@ -54,6 +54,7 @@ def test_a_coil_is_not_a_piezoelectric_device(recordings: Path) -> None:
     assert "not capacitive" in page_text([said])
 
 
+@pytest.mark.long
 def test_the_fault_of_a_film_is_reported(recordings: Path) -> None:
     said = answer(recordings, "pvdf-on-kapton/T61", FILM, thin=32)
     assert said.verdict in ("partly-explained", "unexplained")

@@ -76,6 +76,7 @@ def test_a_drifted_device_is_unchanged_and_limits_on_changes_are_given() -> None
     assert max(band.magnitude for band in found.repeatability) == pytest.approx(1e-2, rel=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "effect", "size", "true"),
     [
@@ -113,6 +114,7 @@ def test_a_change_in_the_device_is_known_no_better_than_the_usual_drift() -> Non
     assert changed(shift=0.997).findings[0].parameters["shift"].u == pytest.approx(1e-4, rel=0.5)
 
 
+@pytest.mark.long
 def test_a_network_analyzer_whose_calibration_moved_has_recorded_no_change() -> None:
     f, rng = np.linspace(0.7e6, 0.95e6, 101), np.random.default_rng(7)
 
@@ -126,6 +128,7 @@ def test_a_network_analyzer_whose_calibration_moved_has_recorded_no_change() -> 
     assert not found.findings
 
 
+@pytest.mark.long
 def test_an_uncertain_change_is_not_reported_as_sure() -> None:
     rng = np.random.default_rng(5)
     noisy = [
@@ -144,6 +147,7 @@ def test_the_table_of_resonances_lists_their_shifts() -> None:
     assert [one.shift for one in found.resonances] == pytest.approx([-3e-3] * 2, abs=1e-4)
 
 
+@pytest.mark.long
 def test_another_grid_is_interpolated() -> None:
     f = np.linspace(0.85e6, 1.5e6, 331)
     found = compare([recorded(device(), 1)], [recorded(device(f) + 2j * np.pi * f * 2e-7, 2, f)])

@@ -10,6 +10,7 @@ from driven_circuit import F, driven, noisy
 from pzctl.fitters.compare.compare import compare
 
 
+@pytest.mark.long
 def test_two_levels_are_told_by_softening_and_loss_at_the_largest_amplitude() -> None:
     levels = (0.1, 1.0)
     soft, lossy = 1.2e-4, 3e-3

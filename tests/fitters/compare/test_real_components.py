@@ -40,6 +40,7 @@ def test_an_unresolved_resonance_is_one_pole() -> None:
     assert own.q == pytest.approx([900, 60], rel=0.05)
 
 
+@pytest.mark.long
 def test_a_drift_of_a_sharp_resonance_is_no_change() -> None:
     before, after = recorded(resonator(f=FINE), 1, f=FINE), recorded(resonator(6e-4, 1.001, FINE), 2, f=FINE)
     found = compare([before], [after])
@@ -47,6 +48,7 @@ def test_a_drift_of_a_sharp_resonance_is_no_change() -> None:
     assert found.probability > 0.9
 
 
+@pytest.mark.long
 def test_a_short_wire_at_a_sharp_resonance_that_drifted_is_named_with_its_size() -> None:
     """Removed; that it is named where it is inserted, too, tests/benchmarks/test_compare.py tells."""
     bare, wired = recorded(resonator(), 1), recorded(resonator(-4e-4) + JW * 6e-8 + 0.05, 2)
@@ -76,6 +78,7 @@ def test_a_capacitor_is_named_whichever_recording_has_the_noise() -> None:
         assert (finding.effect, finding.removed) == ("stray-capacitance", True)
 
 
+@pytest.mark.long
 def test_what_leaves_more_than_a_tenth_of_the_change_is_not_explained() -> None:
     u = np.linspace(0, 1, F.size)
     wired = (resonator() + JW * 2e-6) * np.exp(0.05 * np.sin(60 * u) * (1 + 1j * u))

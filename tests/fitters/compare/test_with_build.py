@@ -24,6 +24,7 @@ def compared(change: Callable[[Disk], Disk], step: str = "ml1") -> Comparison:
     return compare([before], [after], BUILD, step)
 
 
+@pytest.mark.long
 def test_a_change_inside_is_named_with_place_and_size_although_the_model_describes_neither_recording() -> None:
     found = compared(lambda one: replace(one, e33=15.2))
     true = np.log(0.95)

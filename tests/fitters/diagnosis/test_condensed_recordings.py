@@ -70,6 +70,7 @@ def test_points_that_are_left_keep_the_time_at_which_the_sweep_passed_them(bare:
         assert np.max(np.abs(Z / steady - 1)) > 1e-2
 
 
+@pytest.mark.long
 def test_a_search_over_a_dense_sweep_ends_with_all_its_points(dense: Problem) -> None:
     search = GreedySearch(dense, candidates(dense, ("lead-inductance", "leakage")))
     found = search.run()
@@ -78,6 +79,7 @@ def test_a_search_over_a_dense_sweep_ends_with_all_its_points(dense: Problem) ->
     assert search.problem.recordings == dense.recordings
 
 
+@pytest.mark.long
 def test_hypotheses_keep_their_order_when_coloured_noise_is_seen_at_all_points(bare: Device, nothing: FitTask) -> None:
     """Means of groups have less colour: with theirs, all effects were 4000 nats behind a fit without any."""
     problem = swept(DENSE[::2], bare, nothing, 0.8)

@@ -100,6 +100,7 @@ def test_a_resonance_between_the_points_is_too_coarse() -> None:
     assert "too coarse" in {one.kind for one in check.troubles}
 
 
+@pytest.mark.long
 def test_the_glitch_of_the_real_kapton_transducer_is_found_and_others_pass(recordings: Path) -> None:
     t64 = read_recording(recordings / "pvdf-on-kapton" / "T64.csv")
     for seed in (None, 2, 5):  # as written in the file, and as rounded by arithmetic

@@ -112,6 +112,7 @@ def test_proposed_sweeps_are_possible_and_differ_as_stated() -> None:
         assert (one.plan == base) == (one.kind == "repeat"), one.kind
 
 
+@pytest.mark.long
 def test_another_level_is_proposed_where_it_decides(told: tuple[FitTask, Diagnosis]) -> None:
     task, diagnosis = told
     assert [finding.effect for finding in diagnosis.findings] == ["drive-nonlinearity"]

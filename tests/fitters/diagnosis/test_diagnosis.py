@@ -216,6 +216,7 @@ def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> No
         diagnose(thinned(cases, "lead")[0], (), hold_out="steps")
 
 
+@pytest.mark.long
 def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
     task, truth = thinned(cases, "taper")
     (injected,) = truth["findings"]

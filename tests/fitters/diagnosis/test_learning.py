@@ -62,6 +62,7 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
     assert fit.constants[name].re == pytest.approx(relaxation.value, abs=3 * relaxation.u)
 
 
+@pytest.mark.long
 def test_a_drift_outside_the_catalogue_is_learned_as_a_course_in_time(bare: Device) -> None:
     """A permittivity that rises by 2 % while a sweep runs up, and as much again while one runs down."""
     f, size = np.linspace(1.5e6, 7.5e6, 51), 0.02

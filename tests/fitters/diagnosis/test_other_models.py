@@ -18,6 +18,7 @@ CONSIDERED = ("lead-inductance", "cable", "series-resistance")
 """Effects similar to a lead."""
 
 
+@pytest.mark.long
 def test_what_thin_plate_theory_neglects_is_no_dispersion_of_losses(disk_build: Callable[..., Build]) -> None:
     # an exponent of -0.006 was named with 0.94: without any errors it fits best, and so counted in full
     f, sizes = np.linspace(120e3, 650e3, 221), (10.0, 10.0 / 30, 7700.0)

@@ -1,6 +1,7 @@
 """What moves no constant by its uncertainty and no curve by 0.1 % is a remark with its size, not a mismatch."""
 
 import numpy as np
+import pytest
 
 import pzctl
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
@@ -40,6 +41,7 @@ def uneven(step: str, variance: float, scatter: float = 1e-6) -> DiagnosisAnalys
     return diagnosed(device, 8e-4, ["thickness-variation"], step, scatter)
 
 
+@pytest.mark.long
 def test_an_effect_that_changes_nothing_is_a_remark_with_its_size() -> None:
     diagnosis = uneven("ml1", 5e-7, scatter=5e-6)
     assert (diagnosis.verdict, diagnosis.findings) == ("no-mismatch", ())
@@ -56,6 +58,7 @@ def test_faces_of_a_disk_as_parallel_as_those_of_any_are_not_even_a_remark() -> 
     assert (diagnosis.verdict, diagnosis.findings, diagnosis.result.remarks) == ("no-mismatch", (), ())
 
 
+@pytest.mark.long
 def test_a_lead_as_short_as_the_usual_residual_of_a_fixture_is_no_finding() -> None:
     """Two explanations are the best in turn here, and yet the search ends."""
     diagnosis = with_lead(1e-9, 1e-5)
@@ -63,6 +66,7 @@ def test_a_lead_as_short_as_the_usual_residual_of_a_fixture_is_no_finding() -> N
     assert "differ" not in str(diagnosis)
 
 
+@pytest.mark.long
 def test_errors_that_a_verdict_relies_on_are_told_and_drawn() -> None:
     noise, accuracy = 1e-6, 8e-4
     diagnosis = with_lead(2e-8, accuracy)

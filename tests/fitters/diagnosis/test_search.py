@@ -200,6 +200,7 @@ def test_without_candidates_the_search_finds_nothing(lead_case) -> None:
     assert search.inclusion({"lead-inductance"}) == 0
 
 
+@pytest.mark.long
 def test_a_search_that_ends_at_its_budget_says_so(lead_case, monkeypatch: pytest.MonkeyPatch) -> None:
     considered = ("lead-inductance", "leakage")
     whole = diagnose(lead_case.task, considered)

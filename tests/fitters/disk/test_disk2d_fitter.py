@@ -55,6 +55,7 @@ def test_the_reduced_disk_is_cached_and_a_damaged_file_is_rebuilt(tmp_path):
     assert third.stiffness.shape == first.stiffness.shape
 
 
+@pytest.mark.long
 def test_a_known_disk_is_recovered_and_undetermined_constants_are_listed():
     diameter, thickness, density = 10e-3, 1e-3, 7700.0
     _, reduced = reduced_disk(10.0, lambda _: None)

@@ -161,6 +161,7 @@ def test_a_layer_of_another_material_is_reported() -> None:
     assert "u from the 2.42e+06 of epoxy" in said
 
 
+@pytest.mark.long
 def test_a_diverged_fit_states_its_cause_and_stays_physical() -> None:
     result = fit_glued(lambda _, glued: (1.3, glued))
     says = " ".join(result.says)

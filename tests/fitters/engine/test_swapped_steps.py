@@ -23,6 +23,7 @@ def of_steps(swept: Callable[..., Sweep]) -> dict[str, tuple[Sweep, ...]]:
     return {name: (swept(stack_of(BUILD, BUILD.step(name)), F, seed=k),) for k, name in enumerate(STEPS)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("one", "other"), [("disk", "ml1"), ("ml1", "ml2")])
 def test_swapped_recordings_are_named(of_steps: dict[str, tuple[Sweep, ...]], one: str, other: str) -> None:
     swapped = {**of_steps, one: of_steps[other], other: of_steps[one]}

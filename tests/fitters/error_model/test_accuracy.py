@@ -28,6 +28,7 @@ def recorded(settings: dict[str, object]) -> Sweep:
     return Sweep(F, Device(stack_of(BUILD, BUILD.step("disk"))).impedance(F) * np.exp(error), settings=settings)
 
 
+@pytest.mark.long
 def test_an_analyzer_within_its_specification_at_each_point_is_no_mismatch() -> None:
     names = ("series-resistance", "lead-inductance", "dielectric-dispersion")
     diagnosis = diagnose(FitTask(BUILD, {"disk": (recorded({"accuracy_relative": SPECIFIED.tolist()}),)}), names)

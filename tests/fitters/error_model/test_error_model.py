@@ -190,6 +190,7 @@ def fit_of(sweep: Sweep) -> MarginalFit:
     return fit(Marginal.of(objective), objective.coordinates.x)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("gain", [0.0, 2e-4, 8e-4])
 def test_intervals_of_losses_cover_analyzer_errors_within_specification(gain: float) -> None:
     """The phase error biases losses; of a dozen seeds, one in twenty may miss."""
@@ -280,6 +281,7 @@ def test_evidence_of_a_disk_whose_loss_varies_is_the_same_from_any_start(exponen
     assert np.ptp([one.log_evidence for one in found]) < 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("points", "level", "strength", "q", "seed"),
     [*((201, 8e-5, 3e-5, 25.0, seed) for seed in range(3)), (1601, 3e-4, 3e-4, 40.0, 0)],

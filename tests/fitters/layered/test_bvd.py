@@ -97,6 +97,7 @@ def test_a_resonance_just_beside_the_band_is_a_branch_but_not_the_first() -> Non
     assert result.derived["fs"].re == pytest.approx(40e3, rel=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "left"),
     [

@@ -197,6 +197,7 @@ def test_a_connection_that_does_not_fit_the_capacitance_is_named() -> None:
         Mason().fit(task)
 
 
+@pytest.mark.long
 def test_a_langevin_sandwich_is_fitted_and_its_lead_is_found() -> None:
     f = np.linspace(20e3, 400e3, 201)
     Z = half_sandwich(f, 2e-3) / 2
@@ -226,6 +227,7 @@ def test_a_bolt_is_told_from_the_stiffness_of_the_ceramic_by_the_overtones() -> 
     assert stiffness.u_re < 0.1 * 4e8
 
 
+@pytest.mark.long
 def test_a_bolt_that_the_build_omits_is_found() -> None:
     f = np.linspace(20e3, 600e3, 201)
     true = parse_build(langevin() + '[bolt]\nbetween = ["tail", "head"]\nstiffness_N_m = 4e8\n')

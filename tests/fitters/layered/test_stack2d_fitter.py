@@ -78,6 +78,7 @@ def sweeps():
     return {"disk": recorded(DISK), "ml1": recorded(DISK, GLUE, MATCHING, seed=1)}
 
 
+@pytest.mark.long
 def test_a_known_stack_is_recovered(sweeps):
     result = Stack2DFitter().fit(FitTask(parse_build(BUILD, "build.toml"), sweeps))
     assert result.converged

@@ -50,6 +50,7 @@ def shared(tasks: Mapping[str, FitTask], made: dict[tuple[str, str], SampleEquat
     return shared_bench(survey, knobs, ends, dict.fromkeys(EFFECTS, 1.0))
 
 
+@pytest.mark.long
 def test_a_common_lead_has_one_size() -> None:
     found = shared(bench([9e-9] * 3, 3))
     (lead,) = found.effects
@@ -61,12 +62,14 @@ def test_a_common_lead_has_one_size() -> None:
     assert set(lead.sizes) == set(lead.alone) == {"S1", "S2", "S3"}
 
 
+@pytest.mark.long
 def test_different_leads_are_not_shared() -> None:
     found = shared(bench([0.0, 30e-9, 12e-9], 4))
     assert not found.effects
     assert "lead-inductance" in found.not_shared
 
 
+@pytest.mark.long
 def test_many_samples_determine_the_fixtures_residual_better() -> None:
     tasks, made = bench([2e-9] * 4, 5), dict[tuple[str, str], SampleEquations]()
     few, many = shared({name: tasks[name] for name in ("S1", "S2")}, made), shared(tasks, made)
@@ -79,6 +82,7 @@ def test_many_samples_determine_the_fixtures_residual_better() -> None:
     assert all(part.probability < 0.5 for part in nothing.fixture.values())
 
 
+@pytest.mark.long
 def test_a_shared_effect_is_not_found_again_in_a_sample() -> None:
     (task,) = bench([3e-8], 7).values()
     values = {"inductance": 3e-8, "resistance": 0.0, "skin": 0.0}
@@ -89,6 +93,7 @@ def test_a_shared_effect_is_not_found_again_in_a_sample() -> None:
     assert beside.final.constants["disk.c33D"].re == pytest.approx(without.final.constants["disk.c33D"].re, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_sample_that_cannot_be_fitted_does_not_stop_the_others() -> None:
     tasks = dict(bench([9e-9] * 2, 8))
     flat = FitTask(BUILD, {"disk": (Sweep(F, np.full(F.size, 50.0 + 0j)),)})

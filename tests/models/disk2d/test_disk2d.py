@@ -64,6 +64,7 @@ def resonance(full, shape, low, high):
     return brentq(lambda f: 1 / full.capacitance(shape, C.real + 0j, np.array([f]))[0].real, low, high, xtol=1e-2)
 
 
+@pytest.mark.long
 def test_the_thin_disk_limit_is_reached_as_thickness_squared():
     lossless = Tensor6mm(*C.real).radial
     sigma, speed = lossless.sigma_p.real, np.sqrt(lossless.c11p.real / DENSITY)
@@ -201,6 +202,7 @@ def test_a_general_finite_element_package_agrees(ratio, name):
     assert places[0] == pytest.approx(places[1], rel=1e-6)
 
 
+@pytest.mark.long
 def test_a_finer_mesh_does_not_change_the_result(five):
     shape, f = Shape(5e-3, 2e-3, DENSITY), np.array([0.3e6, 1.0e6, 1.6e6])
     ratio = FullDisk.of(5, finer=1).capacitance(shape, C, f) / five[0].capacitance(shape, C, f)
@@ -300,6 +302,7 @@ def test_results_do_not_depend_on_the_number_of_frequencies(five):
         np.testing.assert_allclose(model.impedance(f[k]), many[k], rtol=2e-3)
 
 
+@pytest.mark.long
 def test_the_reduced_disk_equals_the_full_section_with_short_electrodes():
     ratio, electrode, f, some = 2.0, 0.85, np.linspace(0.1e6, 1.5e6, 41), slice(1, None, 12)
     full = FullDisk.of(ratio, electrode=electrode)

@@ -78,6 +78,7 @@ def test_electrodes_to_the_rim_are_the_limit_of_short_ones():
     np.testing.assert_allclose(short / BARE.impedance(F), 1, atol=1e-5)
 
 
+@pytest.mark.long
 def test_far_below_resonance_short_electrodes_have_the_fringe_of_conformal_mapping():
     # stiff and without piezoelectricity: a dielectric slab; its field reaches t/pi ln 2 sqrt(eps11/eps33) beyond them
     dead = Tensor6mm(1e11, 3e10, 3e10, 1e11, 3e10, 0.0, 0.0, 0.0, 2e-9, 8e-9)
@@ -88,6 +89,7 @@ def test_far_below_resonance_short_electrodes_have_the_fringe_of_conformal_mappi
     assert reach == pytest.approx(T * np.log(2) / np.pi / 2, rel=0.03)
 
 
+@pytest.mark.long
 def test_a_finer_mesh_hardly_changes_the_result():
     built = replace(BARE, front=(MATCHING,))
     np.testing.assert_allclose(replace(built, finer=1).impedance(F) / built.impedance(F), 1, atol=3e-4)

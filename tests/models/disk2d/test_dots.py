@@ -63,6 +63,7 @@ def test_a_rigid_mass_all_over_a_face_that_cannot_move_in_its_plane_is_that_of_o
     np.testing.assert_allclose(2j * np.pi * f * both * loaded, 1, atol=1e-4)
 
 
+@pytest.mark.long
 def test_the_reduced_disk_with_a_dot_equals_the_whole_mesh(faces, disk):
     f, shape = F[::6], disk.shape
     free = FreeDisk(faces, shape, np.tile(C, (f.size, 1)), f, False)
@@ -85,6 +86,7 @@ def test_the_reduced_disk_with_a_dot_equals_the_whole_mesh(faces, disk):
     assert whole.shape == (2 * count, 2 * count)
 
 
+@pytest.mark.long
 def test_derivatives_by_sizes_constants_of_each_kind_and_the_dot(disk):
     device = with_solder(disk)
     names = [name for name in device.parameters() if "." not in name or "@" in name or not name.endswith(".im")]

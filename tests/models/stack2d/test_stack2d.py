@@ -59,6 +59,7 @@ def test_a_wide_stack_tends_to_one_dimension_as_the_inverse_of_its_diameter():
     assert left[1] < 0.11 * left[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", ["constant", "causal"])
 def test_derivatives_are_exact(law):
     layers = (GLUE, DISK, MATCHING)

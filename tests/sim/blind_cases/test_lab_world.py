@@ -218,6 +218,7 @@ def test_the_plant_with_the_largest_change_dominates_and_roles_follow(drawn: lis
     assert {case.kind for case in drawn} == {"one", "instrument", "imperfect", "outside"}
 
 
+@pytest.mark.long
 def test_cases_are_reproducible_and_do_not_reveal_their_plants(tmp_path: Path) -> None:
     named: list[dict[str, Any]] = []
     for seed, index in ((7, 3), (3, 1)):
