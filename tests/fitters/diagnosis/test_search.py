@@ -1,5 +1,6 @@
 """The search for effects that explain a misfit: screening, refits, and the effects that remain."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -7,10 +8,11 @@ import pytest
 
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
-from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
-from pzctl.fitters.diagnosis.hypotheses.problem import Problem
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, fitted
+from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.search import fitted_hypotheses
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
+from pzctl.fitters.diagnosis.search.plan import Plan
 from pzctl.fitters.diagnosis.search.refit import as_refit, refit, shift_of
 from pzctl.fitters.diagnosis.search.score_test import Score, scores, together
 from pzctl.fitters.diagnosis.search.screening import screened
@@ -211,3 +213,23 @@ def test_a_search_that_ends_at_its_budget_says_so(lead_case, monkeypatch: pytest
         *cut.says[:-1],
         cut.says[-1].split(":")[0],
     )
+
+
+def test_where_constants_are_astray_effects_that_may_bring_them_back_are_fitted_from_the_build(
+    nothing: FitTask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What constants have absorbed promises too little to be fitted otherwise."""
+    problem = Problem.of(solve(nothing, lambda _: None), None)
+    null = fitted(problem, (), problem.values, near=True)
+    from_the_build: list[str] = []
+    plan = GreedySearch._from_the_build
+
+    def noted(search: GreedySearch, parent: Hypothesis, effect: Candidate, start: Mapping[str, float]) -> Plan:
+        from_the_build.append(effect.effect.name)
+        return plan(search, parent, effect, start)
+
+    monkeypatch.setattr(GreedySearch, "_from_the_build", noted)
+    for astray in (False, True):
+        monkeypatch.setattr(Hypothesis, "astray", astray)
+        GreedySearch(problem, candidates(problem, ("leakage",)), found={null.key: null}).run()
+        assert from_the_build == ["leakage"] * astray

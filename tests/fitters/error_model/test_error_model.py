@@ -281,6 +281,21 @@ def test_evidence_of_a_disk_whose_loss_varies_is_the_same_from_any_start(exponen
     assert np.ptp([one.log_evidence for one in found]) < 2
 
 
+def test_a_fit_is_given_up_only_where_it_is_hopeless_and_has_come_to_the_null() -> None:
+    f = np.linspace(2e6, 10e6, 101)
+    rough = 0.02 * np.sin(f / 1e5) * np.exp(1j * f / 3e5)
+    objective = solve(FitTask(BUILD, {"disk": (Sweep(f, DISK.impedance(f) * np.exp(rough)),)}), lambda _: None).judged
+    x = objective.coordinates.x + 0.5
+
+    def fitted(hopeless: tuple[float, float]) -> MarginalFit:
+        return fit(Marginal.of(objective), x, rounds=4, hopeless=hopeless)
+
+    whole = fitted((-np.inf, -np.inf))
+    given_up, good, far_below = fitted((-np.inf, np.inf)), fitted((-np.inf, 0.0)), fitted((np.inf, np.inf))
+    assert given_up.minimum.steps < whole.minimum.steps == good.minimum.steps == far_below.minimum.steps
+    assert not given_up.converged
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("points", "level", "strength", "q", "seed"),

@@ -261,19 +261,23 @@ def test_strips_equal_the_integral_over_the_thickness(w: float, shape: float) ->
     close(Z, mean[-1] / mean[:-1], 1e-7)
 
 
-def test_derivatives_by_distributions_of_thickness_are_differences() -> None:
+def test_derivatives_by_all_that_divides_the_face_or_the_ceramic_are_differences() -> None:
     device = added("thickness-variation", "layer:disk", GLUED, variance=3e-5, shape=1.7)
-    device = device.with_effect(find_effect("thickness-variation"), "layer:glue1", {"variance": 0.03, "shape": 0.8})
-    device = device.with_effect(find_effect("bond-void"), "interface:disk|glue1", {"fraction": 0.2})
-    device = device.with_effect(find_effect("local-mass"), "face:back", {"fraction": 0.03, "mass": 0.4})
+    for effect, where, values in (
+        ("thickness-variation", "layer:glue1", {"variance": 0.03, "shape": 0.8}),
+        ("bond-void", "interface:disk|glue1", {"fraction": 0.2, "rim": 0.4, "hold": 0.3}),
+        ("local-mass", "face:back", {"fraction": 0.03, "mass": 0.4, "impedance": 2e7, "dome": 0.5}),
+        ("surface-layer", "layer:disk", {"back": 4e-6, "front": 2e-6, "stiffness": 0.9, "permittivity": 1.1}),
+    ):
+        device = device.with_effect(find_effect(effect), where, values)
     values = device.parameters()
-    names = [name for name in values if name.startswith("thickness-variation@")]
-    assert len(names) == 4
+    names = [name for name in values if "@" in name]
+    assert set(names) == device.assembly.shaped_by
     _, slopes = device.jacobian(F, names)
     for name, slope in zip(names, slopes, strict=True):
         step = 1e-4 * values[name]
         up, down = (np.log(device.replace({name: values[name] + sign * step}).impedance(F)) for sign in (1, -1))
-        np.testing.assert_allclose((up - down) / (2 * step), slope, atol=1e-4 * np.abs(slope).max())
+        np.testing.assert_allclose((up - down) / (2 * step), slope, atol=1e-4 * np.abs(slope).max(), err_msg=name)
 
 
 def test_dispersion_equals_that_of_the_causal_laws() -> None:
