@@ -175,7 +175,8 @@ def _first_columns(
 ) -> Callable[[Sequence[float]], Reals]:
     """Return a function of the other parameters: d residual / d first parameter in typical sizes, shape (rows,).
 
-    The derivative is a difference quotient from the state without the effect, which all of them share.
+    The derivative is a difference quotient from the state without the effect, which all of them share. Faces count as
+    parallel: it only chooses among hundreds of lines or masses, and all of them at each of fifty strips take minutes.
     """
     knob, name = candidate.effect_parameters[0], candidate.parameters[0]
     size, at = knob.null + _STEP * knob.typical, 0
@@ -183,7 +184,8 @@ def _first_columns(
     for plain, recording in zip(problem.recordings, problem.with_effects([candidate]), strict=True):
         f = recording.sweep.frequency
         if recording.step in candidate.steps:
-            there, absent = _moved(recording.model, {**values, name: size}), _moved(plain.model, values)
+            there = _moved(_parallel(recording.model, candidate), {**values, name: size})
+            absent = _moved(_parallel(plain.model, candidate), values)
             places.append((at, recording, there, absent))
         at += 2 * f.size
 
@@ -196,6 +198,13 @@ def _first_columns(
         return made
 
     return column
+
+
+def _parallel(model: Model, candidate: Candidate) -> Model:
+    """Return the device with parallel faces, unless the candidate is what divides it into strips."""
+    if not isinstance(model, Device) or candidate.effect.divides:
+        return model
+    return replace(model, added=tuple(one for one in model.added if not one.effect.divides))
 
 
 def _log_ratio(absent: Model, there: Model, f: Frequencies) -> Complexes:
