@@ -261,13 +261,14 @@ class _One:
         correction would lose all digits if the rough error is much larger than the noise.
         """
         scaled = X if self._under == 1 else self._under * X
-        white = _whitened(scaled, self._colour)
         if not self.is_rough:
+            white = _whitened(scaled, self._colour)
             return white, white
         left = self._within * scaled
         left[..., 1:] += self._after * scaled[..., :-1]
         left[..., :-1] += self._before * scaled[..., 1:]
-        right = self._amplitude * _back(white, self._colour)
+        right = _by_precision(scaled, self._colour)
+        right *= self._amplitude
         if right.size:
             solved, _ = dpttrs(*self._factor, right.reshape(-1, right.shape[-1]).T, overwrite_b=1)
             right = np.asarray(solved.T, np.float64).reshape(right.shape)
@@ -289,12 +290,14 @@ def _whitened(X: Reals, colour: float) -> Reals:
     return Y
 
 
-def _back(Y: Reals, colour: float) -> Reals:
-    """Return L^-T Y along the last axis."""
-    if colour == 0:
-        return Y
-    inner = 1 / np.sqrt(1 - colour**2)
-    X = Y.copy()
-    X[..., 1:] *= inner
-    X[..., :-1] -= colour * inner * Y[..., 1:]
-    return X
+def _by_precision(X: Reals, colour: float) -> Reals:
+    """Return a new array R^-1 X along the last axis, R as above: its inverse is tridiagonal."""
+    if colour == 0 or X.shape[-1] == 1:
+        return X.copy()
+    scale = 1 / (1 - colour**2)
+    Y = ((1 + colour**2) * scale) * X
+    Y[..., [0, -1]] = scale * X[..., [0, -1]]
+    neighbours = (colour * scale) * X
+    Y[..., 1:] -= neighbours[..., :-1]
+    Y[..., :-1] -= neighbours[..., 1:]
+    return Y
