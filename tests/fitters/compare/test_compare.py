@@ -66,6 +66,7 @@ def test_an_inserted_or_removed_element_is_named_with_its_size(name: str, remove
         assert effect not in [one.effect for one in found.limits], "a second one would share its size with the first"
 
 
+@pytest.mark.long
 def test_a_drifted_device_is_unchanged_and_limits_on_changes_are_given() -> None:
     found = compare([recorded(device(), 1)], [recorded(device(F / 1.0001), 2)])
     assert found.verdict == "unchanged"

@@ -132,6 +132,7 @@ def with_a_lead(*, tapered: bool = False) -> FitTask:
     return FitTask(build, {"disk": (Sweep(f, device.impedance(f) * np.exp(2e-4 * noise)),)})
 
 
+@pytest.mark.long
 def test_a_partial_explanation_is_not_certain() -> None:
     """Only the requested effects are considered: the variation of thickness is none of them, and stays unknown."""
     diagnosis = diagnose(with_a_lead(tapered=True), ("lead-inductance",))
@@ -178,6 +179,7 @@ def test_a_rise_towards_the_end_of_a_band_is_not_a_line(cases: Path) -> None:
     assert "spurious-resonance" not in [finding.effect for finding in diagnosis.findings]
 
 
+@pytest.mark.long
 def test_the_edges_of_a_glitch_are_not_lines(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases, every=2)
     x = np.arange(f.size) / (f.size - 1) - 0.5
@@ -198,6 +200,7 @@ def test_a_loop_beside_the_lead_is_not_attributed_to_the_device(cases: Path) -> 
     assert diagnosis.findings[0].parameters["q"].value == pytest.approx(5, rel=0.05)
 
 
+@pytest.mark.long
 def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> None:
     task, truth = given(cases, "glue-missing", 64)
     (injected,) = truth["findings"]

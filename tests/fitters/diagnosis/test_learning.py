@@ -30,6 +30,7 @@ from pzctl.models.effects.learned.learned import learned_law
 from pzctl.models.stack import Piezo, Stack
 
 
+@pytest.mark.long
 def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(bare: Device, tmp_path: Path) -> None:
     strength, at, f = 0.2, 4e6, np.linspace(1.5e6, 7.5e6, 51)
     task = recorded(relaxing(bare.bare, strength, at, f), f)

@@ -28,6 +28,7 @@ def test_what_thin_plate_theory_neglects_is_no_dispersion_of_losses(disk_build: 
     assert (found.verdict, found.findings) == ("no-mismatch", ())
 
 
+@pytest.mark.long
 def test_a_lead_on_a_device_of_unknown_structure_is_named_and_its_circuit_recovered() -> None:
     f = np.linspace(0.6e6, 1.6e6, 101)
     circuit = Lumped(1e-9, (Branch.from_resonance(1e6, 80, 1.5e-10),), tan_delta=0.01)

@@ -72,6 +72,7 @@ def test_a_broadened_recording_is_that_of_a_disk_with_more_loss() -> None:
     assert np.sqrt(np.mean(off**2)) < 0.1 * np.sqrt(np.mean(before**2))
 
 
+@pytest.mark.long
 def test_a_disk_with_loadable_faces_is_cached() -> None:
     first = loadable_disk(RATIO, lambda _: None)
     said: list[str] = []

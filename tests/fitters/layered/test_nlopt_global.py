@@ -57,6 +57,7 @@ def sweeps(truth, swept):
     return {step.name: (swept(stack_of(truth, step), F, 2e-4),) for step in truth.steps}
 
 
+@pytest.mark.long
 def test_the_truth_is_found_from_wrong_data_sheets(truth, sweeps):
     rng = np.random.default_rng(0)
     build = told({name: rng.uniform(0.7, 1.3) for name in TRUTH})

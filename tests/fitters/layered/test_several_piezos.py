@@ -177,6 +177,7 @@ def test_what_a_symmetric_stack_cannot_tell_apart_is_said_with_the_remedy() -> N
     assert 'write material = { same_as = "p1" } for p2' in sentence
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("polarities", "connection", "right"),
     [((1, 1), "parallel", "parallel, polarity +1 -1"), ((1, 1), "series", "parallel, polarity +1 -1")],

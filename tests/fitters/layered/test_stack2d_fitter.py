@@ -112,6 +112,7 @@ capacitance_F = 0
 """
 
 
+@pytest.mark.long
 def test_a_lead_that_the_build_states_is_fitted_with_the_stack(sweeps):
     wire = 2e-6
     led = tuple(replace(one, impedance=one.impedance + 2j * np.pi * F * wire) for one in sweeps["disk"])

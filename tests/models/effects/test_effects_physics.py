@@ -273,10 +273,11 @@ def test_derivatives_by_all_that_divides_the_face_or_the_ceramic_are_differences
     values = device.parameters()
     names = [name for name in values if "@" in name]
     assert set(names) == device.assembly.shaped_by
-    _, slopes = device.jacobian(F, names)
+    f = F[::8]
+    _, slopes = device.jacobian(f, names)
     for name, slope in zip(names, slopes, strict=True):
         step = 1e-4 * values[name]
-        up, down = (np.log(device.replace({name: values[name] + sign * step}).impedance(F)) for sign in (1, -1))
+        up, down = (np.log(device.replace({name: values[name] + sign * step}).impedance(f)) for sign in (1, -1))
         np.testing.assert_allclose((up - down) / (2 * step), slope, atol=1e-4 * np.abs(slope).max(), err_msg=name)
 
 
