@@ -47,7 +47,7 @@ model. The prior odds against an effect are about as much."""
 FITTED_FIRST, FITTED_LATER, POLISHED = 16, 4, 2
 """Budget: effects fitted alone, effects fitted beside others, and hypotheses fitted to convergence."""
 AHEAD = 4
-"""Budget: effects fitted alone before the others, so that fits that are hopeless beside them end early."""
+"""Budget: fits of effects alone that are made before the others, so that what is hopeless beside them ends early."""
 FITTED_ASTRAY = 6
 """Budget: further effects fitted beside the best hypothesis where even that leaves more than the usual errors. What is
 missing has led its constants astray: what counts as noise then tells more than errors that may stand for anything."""

@@ -251,6 +251,11 @@ def at_minimum(
     return _weighed(problem, effects, found.with_sizes_of(anew) if anew else found)
 
 
+def end_of(made: Hypothesis | None) -> tuple[Minimum, Value] | None:
+    """Return what another process needs to know of a fit, for `at_minimum`; None if it could not be computed."""
+    return None if made is None else (made.fit.minimum, made.fit.value)
+
+
 def computed(make: Callable[[], Hypothesis]) -> Hypothesis | None:
     """Return the hypothesis that is made; None if it cannot be computed, physics or covariance."""
     try:

@@ -11,7 +11,7 @@ from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal_fit import Minimum
 from ..decision_rules import EXACT_FIRST, EXACT_LATER, MOST, NEAR, UNFINISHED, WORTH
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, fitted
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, end_of, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import screened
 
@@ -91,8 +91,7 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
 
 
 def _end(problem: Problem, parent: Hypothesis, one: Candidate, start: dict[str, float]) -> tuple[Minimum, Value] | None:
-    made = _fitted(problem, (*parent.effects, one), {**parent.values, **start}, near=True, compared=False)
-    return None if made is None else (made.fit.minimum, made.fit.value)
+    return end_of(_fitted(problem, (*parent.effects, one), {**parent.values, **start}, near=True, compared=False))
 
 
 def _fitted(

@@ -12,7 +12,7 @@ from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal_fit import NEVER, Minimum
 from ...interface import FitError
 from ..decision_rules import BUDGET, CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
-from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, fitted, probabilities, temper_of
+from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, end_of, fitted, probabilities, temper_of
 from ..hypotheses.problem import Candidate, Problem
 from .plan import Plan
 
@@ -106,10 +106,11 @@ class FittedHypotheses:
 
     def _made(self, plans: Sequence[Plan]) -> list[Hypothesis | None]:
         """Return the fits; None for each that cannot be computed."""
+        hopeless = self._hopeless
         if self.jobs == 1:
-            made = [self._fitted(plan) for plan in plans]
+            made = [self._fitted(plan, hopeless) for plan in plans]
         else:
-            ends = on_cores([partial(self._end, plan) for plan in plans], self.jobs)
+            ends = on_cores([partial(self._end, plan, hopeless) for plan in plans], self.jobs)
             made = [None if end is None else self._at(plan, *end) for plan, end in zip(plans, ends, strict=True)]
         self._spent += self.problem.points * sum(one.fit.minimum.steps for one in made if one is not None)
         return made
@@ -119,16 +120,14 @@ class FittedHypotheses:
         """Whether the budget of the search is spent: what is left of it is not done."""
         return self._spent > BUDGET
 
-    def _end(self, plan: Plan) -> tuple[Minimum, Value] | None:
-        """Return what another process needs to know of a fit; None if it cannot be computed."""
-        made = self._fitted(plan)
-        return None if made is None else (made.fit.minimum, made.fit.value)
+    def _end(self, plan: Plan, hopeless: tuple[float, float]) -> tuple[Minimum, Value] | None:
+        return end_of(self._fitted(plan, hopeless))
 
     def _at(self, plan: Plan, minimum: Minimum, value: Value) -> Hypothesis | None:
         return computed(lambda: at_minimum(self.problem, plan.effects, plan.values, minimum, value))
 
-    def _fitted(self, plan: Plan) -> Hypothesis | None:
-        """Return the fit; None if it cannot be computed."""
+    def _fitted(self, plan: Plan, hopeless: tuple[float, float] = NEVER) -> Hypothesis | None:
+        """Return the fit; None if it cannot be computed. `hopeless`: weights in which it is given up."""
         null = self.found.get(frozenset())
         return computed(
             lambda: fitted(
@@ -142,7 +141,7 @@ class FittedHypotheses:
                 others=plan.others,
                 compared=plan.compared,
                 about=plan.about,
-                hopeless=self._hopeless if plan.effects and self.found else NEVER,
+                hopeless=hopeless if plan.effects else NEVER,
             )
         )
 
