@@ -20,7 +20,7 @@ class Cable(Effect):
     name = "cable"
     stage = Stage.CABLE
     errs_roughly = False
-    odds = 0.7
+    odds = 0.5
     says = "A length of cable between analyzer and device was not compensated."
     separates = "sweep the cable open and shorted at the device's end, or compensate there"
     references = (
@@ -36,11 +36,12 @@ class Cable(Effect):
         """Return its inductance in henry, characteristic impedance in ohm, attenuation in Np/m at 1 MHz.
 
         A short line is little more than its inductance, so a fit finds the inductance more easily than the length,
-        whatever the other parameters are. Coaxial lines have 50 to 93 ohm, pairs of wires 100 to 150.
+        whatever the other parameters are. Coaxial lines have 50 to 93 ohm and a quarter of a microhenry in a metre; a
+        pair of wires is a lead.
         """
         return (
-            EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(5e-8, 1.2)),
-            EffectParameter("impedance", "ohm", typical=10.0, lower=25.0, upper=200.0, null=50.0, varies=True),
+            EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(1e-7, 1.0)),
+            EffectParameter("impedance", "ohm", typical=10.0, lower=40.0, upper=120.0, null=50.0, varies=True),
             EffectParameter("loss", "Np/m", typical=2e-3, upper=1.0, prior=(2e-3, 1.5)),
         )
 

@@ -31,9 +31,12 @@ class LeadInductance(Effect):
         return (TERMINALS,)
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return L (H), the resistance (ohm), the skin effect's resistance at 1 MHz (ohm), and C (F)."""
+        """Return L (H), the resistance (ohm), the skin effect's resistance at 1 MHz (ohm), and C (F).
+
+        A clip has 5 nH, a loop of two wires 7 to 10 nH in each centimetre of its length.
+        """
         return (
-            EffectParameter("inductance", "H", typical=1e-8, prior=(1.6e-8, 1.2)),
+            EffectParameter("inductance", "H", typical=1e-8, prior=(2.5e-8, 1.3)),
             EffectParameter("resistance", "ohm", typical=0.05, prior=(0.02, 2.0), in_proportion=True),
             EffectParameter("skin", "ohm", typical=0.01, prior=(3e-3, 2.0), in_proportion=True),
             EffectParameter("capacitance", "F", typical=1e-13, prior=(2e-13, 2.0), in_proportion=True),

@@ -14,7 +14,7 @@ from ....models.effects.learned.learned import LearnedLaw
 from ...error_model.error_columns import stack_of
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
-from ..search.echo_delays import LikelyDelay, likely_delays
+from ..search.echo_delays import LikelyDelay, likely_delays, longest_delay
 
 _CONSTANT = Law(
     "constant",
@@ -36,7 +36,8 @@ def delays_at(
     The echo of a medium that ends free: to first order its correction is -2 exp(-j w delay).
     """
     frequency, slope, J, r = linearised(parent, place, steps)
-    return likely_delays(frequency, -slope, J, r, low, high)
+    longest = longest_delay([one.sweep.frequency for one in parent.objective.recordings if one.step in steps])
+    return likely_delays(frequency, -slope, J, r, low, min(high, longest))
 
 
 def echo_starts(effect: LearnedLaw, one: Candidate, parent: Hypothesis) -> list[dict[str, float]]:

@@ -5,6 +5,7 @@ delay is found in two steps: with an echo of any phase, whose envelope is as wid
 best ones with its own.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,10 +32,20 @@ class LikelyDelay:
     """Squared ln Z that an echo of this delay explains, summed over the points."""
 
 
+def longest_delay(sweeps: Sequence[Frequencies]) -> float:
+    """Return the longest delay, s, that one of these sweeps, Hz, tells from a shorter one; 0 if there is no sweep.
+
+    By the sampling theorem: at points df apart, an echo of delay + 1/df differs from that of delay by a phase only.
+    Further sweeps over the same points do not change that.
+    """
+    spacings = [float(np.median(np.diff(np.sort(f)))) for f in sweeps if f.size > 1]
+    return max((1 / (2 * spacing) for spacing in spacings if spacing > 0), default=0.0)
+
+
 def likely_delays(
     frequency: Frequencies, slope: Complexes, J: Complexes, r: Complexes, low: float, high: float
 ) -> tuple[LikelyDelay, ...]:
-    """Return the likeliest delays between `low` and `high`, s, most explained first.
+    """Return the likeliest delays between `low` and `high`, s, most explained first; see `longest_delay`.
 
     `slope`: s(f) of an echo of amplitude 1, shape (N,); `J`: derivatives of ln Z by the constants, shape (N, M); `r`:
     ln(Z_model/Z), shape (N,).
@@ -42,7 +53,6 @@ def likely_delays(
     if frequency.size < 3:
         return ()
     band = float(np.max(frequency) - np.min(frequency))
-    high = min(high, frequency.size / (2 * band))  # sampling theorem
     Q, _ = np.linalg.qr(np.concatenate([J.real, J.imag]))
     echoes = _Echoes(frequency, slope, Q, np.concatenate([r.real, r.imag]))
     delays = np.arange(max(low, 1 / band), high, 1 / (_PER_PERIOD * band))

@@ -19,7 +19,7 @@ from ..decision_rules import ABSORBED, NAMED
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.own_losses import drawn_by_losses
 from ..hypotheses.problem import Candidate, Problem
-from .echo_delays import likely_delays
+from .echo_delays import likely_delays, longest_delay
 from .weak_lines import strongest_lines
 
 _SPREADS = (-3.5, -2.0, -1.0, 0.0, 1.0)
@@ -207,7 +207,7 @@ def _delays(
         np.concatenate([one[2] for one in parts]),
         np.concatenate([one[3] for one in parts]),
         knob.lower,
-        knob.upper,
+        min(knob.upper, longest_delay([one[0] for one in parts])),
     )
     return tuple(one.delay for one in found)
 
@@ -223,15 +223,23 @@ def _trials(
         rest = [dict(zip((k.name for k in others), values, strict=True)) for values in product(*grids)]
     far = len(rest) > 1 or one.resonates
     made: list[dict[str, float]] = []
-    null = {knob.name: 1e-4 * knob.expected[0] if knob.from_nothing else knob.null for knob in sizes}
     for knob in sizes:
+        small = [own for own in sizes if own is not knob]
+        besides = [
+            dict(zip((own.name for own in small), values, strict=True)) for values in product(*map(_while_small, small))
+        ]
         centre, spread = knob.expected
         steps = (_SPREADS if not far else (-1.0,)) if knob.from_nothing else _SIGNED
         for z in steps:
             value = centre * np.exp(spread * z) if knob.from_nothing else centre + spread * z
             value = float(np.clip(value, knob.lower, 0.5 * knob.upper if np.isfinite(knob.upper) else knob.upper))
-            made += [{**null, **other, knob.name: value} for other in rest]
+            made += [{**beside, **other, knob.name: value} for beside in besides for other in rest]
     return made[:: max(1, len(made) // _SCANS)]
+
+
+def _while_small(knob: EffectParameter) -> tuple[float, ...]:
+    """Return the values that a size has while another size of the effect is tried."""
+    return knob.scan or (1e-4 * knob.expected[0] if knob.from_nothing else knob.null,)
 
 
 def _at_lines(lines: Sequence[WeakLine], one: Candidate, others: dict[str, float]) -> list[dict[str, float]]:

@@ -54,7 +54,8 @@ class EffectParameter:
     null: float = 0.0
     """The value at which the effect is absent; for a parameter other than the first, its value while absent."""
     scan: tuple[float, ...] = ()
-    """Start values for a strongly nonlinear parameter (a delay, a fraction)."""
+    """Start values for a strongly nonlinear parameter (a delay, a fraction); for a further size, values with which the
+    other sizes are tried."""
     prior: tuple[float, float] | None = None
     """Prior size in nature: median and standard deviation of its logarithm if it starts from nothing, else mean and
     standard deviation. None: three typical sizes within a factor of five (or around null).

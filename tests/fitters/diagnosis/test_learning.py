@@ -20,6 +20,7 @@ from pzctl.fitters.diagnosis.learning.places import all_places
 from pzctl.fitters.diagnosis.learning.plain_laws import plainly_better_laws
 from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
 from pzctl.fitters.diagnosis.learning.usual_fits import has_usual_fixture, usually_fitted
+from pzctl.fitters.diagnosis.search.echo_delays import likely_delays, longest_delay
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.plugins import load_fitter, run
@@ -144,6 +145,21 @@ def test_the_delay_of_an_echo_is_read_from_the_residual(bare: Device) -> None:
     null = fitted(problem, (), problem.values, near=True)
     likely = delays_at(null, place, ("disk",), 1e-7, 1e-5)
     assert likely[0].delay == pytest.approx(delay, abs=1 / (4 * F[-1])), "within a quarter of a period"
+
+
+def test_sweeps_over_the_same_points_show_no_longer_delays_than_one() -> None:
+    """An echo of delay + 1/spacing differs from that of delay by a phase only, which a slow error can imitate."""
+    spacing, delay = 5e3, 20e-6
+    f = 1e6 + spacing * np.arange(300)
+    assert longest_delay([f, f, f]) == longest_delay([f]) == pytest.approx(1 / (2 * spacing))
+    assert longest_delay([f, f + spacing / 2]) == pytest.approx(1 / (2 * spacing))
+    assert longest_delay([]) == longest_delay([f[:1]]) == 0
+    many = np.concatenate([f, f, f])
+    r = -0.01 * np.exp(-2j * np.pi * many * delay + 0.3j)
+    found = likely_delays(
+        many, np.ones(many.size, complex), np.ones((many.size, 1), complex), r, 1e-7, longest_delay([f])
+    )
+    assert found[0].delay == pytest.approx(delay, abs=1 / f[-1])
 
 
 def test_places_of_a_resonance_and_of_an_echo_are_read_from_the_residual(bare: Device) -> None:

@@ -161,7 +161,7 @@ def test_a_finite_backing_equals_a_long_layer_with_a_free_rear(exponent: float) 
     f0 = np.sqrt(DISK.c33D.real / DISK.density) / (2 * DISK.thickness)
     delay = 2 * length / c
     decay = np.pi * f0 * delay / q
-    known = {"strength": float(np.exp(-decay)), "delay": delay, "decay": float(decay), "loss": 1 / q}
+    known = {"strength": float(np.exp(-decay)), "delay": delay, "loss": 1 / q}
     backed = Stack((DISK,), HalfSpace("tungsten", z), AIR, AREA)
     Z = added("finite-backing", "face:back", backed, **known, exponent=exponent).impedance(F)
     loss = (F / f0) ** exponent * 1j / q
