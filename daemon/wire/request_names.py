@@ -11,6 +11,9 @@ from .frames import WireError
 LONGEST_OWNER = 200
 """Greatest number of characters of a person's name."""
 
+LONGEST_TEXT = 1000
+"""Greatest number of characters of a text in a build, such as the source of a value."""
+
 ON_AN_ANALYZER = (ask.MeasureRequest, ask.LeaseRequest, ask.CancelRequest, ask.BenchRequest)
 """Requests that may name an analyzer."""
 
@@ -56,3 +59,19 @@ def _of_build(build: Build) -> Iterator[tuple[str, str, int]]:
         yield layer.name, f"name of layers[{k}]", LONGEST_NAME
     for load, side in ((build.back, "back"), (build.front, "front")):
         yield load.name, f"name of the {side} load", LONGEST_NAME
+    yield from _in_build(build)
+
+
+def _in_build(build: Build) -> Iterator[tuple[str, str, int]]:
+    """Yield the texts that reports and tables show of layers and effects."""
+    for k, layer in enumerate(build.layers):
+        if layer.material is not None:
+            yield layer.material, f"material of layers[{k}]", LONGEST_TEXT
+        for name, quantity in (*layer.values.items(), *layer.nominal.items()):
+            yield name, f"name of a constant of layers[{k}]", LONGEST_NAME
+            if quantity.source:
+                yield quantity.source, f"source of {name} of layers[{k}]", LONGEST_TEXT
+    for k, effect in enumerate(build.effects):
+        for text in (effect.effect, effect.where, effect.quantity, effect.law, *effect.values):
+            if text:
+                yield text, f"a text of effects[{k}]", LONGEST_TEXT

@@ -14,6 +14,15 @@ from pzctl.daemon.server.launch import start
 from pzctl.models.build import Build, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
+DISK = {
+    "thickness": Quantity(5.12e-4, u=1e-6),
+    "density": Quantity(7700.0),
+    "c33D": Quantity(1.5e11, 1.6e9),
+    "h33": Quantity(1.97e9),
+    "eps33S": Quantity(7.5e-9, -8e-11),
+}
+MATCHING_LAYER = {"thickness": Quantity(2e-4), "z": Quantity(6e6), "c": Quantity(2500.0), "q": Quantity(30.0)}
+
 
 @pytest.fixture
 def build() -> Build:
@@ -21,7 +30,7 @@ def build() -> Build:
     return Build(
         name="S4.a",
         area=Quantity(2.01e-4),
-        layers=(LayerSpec("disk", "piezo", {"thickness": Quantity(5.12e-4, u=1e-6)}), LayerSpec("ml1", "elastic", {})),
+        layers=(LayerSpec("disk", "piezo", DISK), LayerSpec("ml1", "elastic", MATCHING_LAYER)),
         back=air,
         front=air,
         steps=(Step("disk", ("disk",)), Step("ml1", ("disk", "ml1"))),

@@ -15,6 +15,8 @@ from ....fitters.plugins import installed_names
 from ....models.base.names import among
 from ....models.build import Build
 from ....models.sweep_plan import PlanError, SweepPlan
+from ...files.builds.build_table import BuildError
+from ...files.builds.sent_build import check_sent_build
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
 from ...journal.journal_writer import JournalWriter
 from ...journal.store import JournalError
@@ -144,6 +146,10 @@ class RequestHandlers:
             raise RequestError(
                 "no-such-step", f"build {request.build.name!r} has no step {request.step!r}; it has {', '.join(steps)}"
             )
+        try:
+            check_sent_build(request.build, "build")
+        except BuildError as error:
+            raise RequestError("bad-build", str(error), "see the schema of `build` in docs/schema") from error
         plan = request.plan or request.build.plan
         if plan is None:
             raise RequestError(
