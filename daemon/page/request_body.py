@@ -4,15 +4,14 @@ Clients that can send only the fields of a form, as Octave's `webwrite` does, ma
 """
 
 import asyncio
-import json
-from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import TypeVar
 from urllib.parse import parse_qsl
 
 import msgspec
 from starlette.requests import ClientDisconnect, Request
 
 from ...models.base.errors import PzctlError
+from ...models.base.json_fields import RepeatedField, check_fields, once_each
 
 MOST_BODY = 64 << 10
 """Greatest number of bytes of a command; a manual fit with all choices has a few thousand."""
@@ -51,25 +50,15 @@ async def read_body(request: Request, expected: type[T]) -> T:
         raise BodyError("request: the connection ended before its body did") from None
     try:
         if _is_form(request, text):
-            fields = _once_each(parse_qsl(text.decode(), keep_blank_values=True, strict_parsing=True))
+            fields = once_each(parse_qsl(text.decode(), keep_blank_values=True, strict_parsing=True))
             return msgspec.convert(fields, expected, strict=False)
         decoded = msgspec.json.decode(text or b"{}", type=expected)
-        json.loads(text or b"{}", object_pairs_hook=_once_each)  # msgspec would take the last one without a word
+        check_fields(text or b"{}")
         return decoded
-    except msgspec.ValidationError as error:
+    except (msgspec.ValidationError, RepeatedField) as error:
         raise BodyError(f"request: {error}") from None
     except (ValueError, UnicodeDecodeError) as error:  # msgspec.DecodeError is a ValueError
         raise BodyError(f"request: its body is not a JSON object: {error}") from None
-
-
-def _once_each(fields: Sequence[tuple[str, Any]]) -> dict[str, Any]:
-    """Return the fields of an object. Raises BodyError for one that is given twice: nothing tells which is meant."""
-    known: dict[str, Any] = {}
-    for name, value in fields:
-        if name in known:
-            raise BodyError(f"request: the field {name[:60]!r} is given twice; give it once")
-        known[name] = value
-    return known
 
 
 def _is_form(request: Request, text: bytes) -> bool:

@@ -19,7 +19,7 @@ import msgspec
 import zmq
 
 from ...models.base.errors import PzctlError
-from .frames import LARGEST_HEADER, WireError, from_json, to_json
+from .frames import LARGEST_HEADER, WireError, from_stranger, to_json
 
 Right = Literal["watch", "measure", "bench", "admin"]
 """The right of a client; each includes the ones before it."""
@@ -291,7 +291,7 @@ def _parsed(path: Path, decoder: "msgspec.json.Decoder[T]", remedy: str) -> T:
     if os.name == "posix" and status.st_mode & 0o077:
         raise KeyFileError(f"{path}: others than its owner may read this key; `chmod 600` it, or make a new one")
     try:
-        return from_json(text, decoder)
+        return from_stranger(text, decoder)
     except WireError as error:
         raise KeyFileError(f"{path} is not a key: {error}; {remedy}") from None
 

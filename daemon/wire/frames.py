@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.base.errors import PzctlError
+from ...models.base.json_fields import RepeatedField, check_fields
 
 MOST_FRAMES = 8192
 """Greatest number of frames of one message; a fit of three steps of 500 sweeps has 7,500 columns."""
@@ -86,6 +87,16 @@ def from_json(text: bytes, decoder: "msgspec.json.Decoder[T]", most: int = LARGE
         raise WireError(f"message: the header is not valid: {error}") from None
     except PzctlError as error:  # a value that its type refuses, such as a segment that stops before it starts
         raise WireError(f"message: {error}") from None
+
+
+def from_stranger(text: bytes, decoder: "msgspec.json.Decoder[T]") -> T:
+    """Return a header that the daemon did not write, in which no object has a field twice. Raises WireError."""
+    decoded = from_json(text, decoder)
+    try:
+        check_fields(text)
+    except RepeatedField as error:
+        raise WireError(f"message: {error}") from None
+    return decoded
 
 
 def _plain(value: object) -> Any:

@@ -6,6 +6,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from ...models.base.json_fields import RepeatedField, check_fields
 from .analyzer import InstrumentError
 from .capabilities import Capabilities
 from .compensation import Compensation, Standard
@@ -50,10 +51,12 @@ def save(path: Path, compensation: Compensation, model: str) -> None:
 def load(path: Path, can: Capabilities) -> Compensation:
     """Return the compensation in the file at `path`. Raises InstrumentError if it is not one of such an analyzer."""
     try:
-        stored = msgspec.json.decode(path.read_bytes(), type=_Stored)
+        text = path.read_bytes()
+        stored = msgspec.json.decode(text, type=_Stored)
+        check_fields(text)
     except OSError as error:
         raise InstrumentError(f"{path}: the compensation cannot be read: {error.strerror}") from None
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, RepeatedField) as error:
         raise InstrumentError(f"{path}: not a compensation: {error}") from None
     for key, value, allowed in (("kind", stored.kind, (_kind(can.model),)), ("adapter", stored.adapter, can.adapters)):
         if value not in allowed:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 from ...models.base.errors import PzctlError
+from ...models.base.json_fields import RepeatedField, once_each
 from ..instrument.instrument import Instrument
 from ..model import Model
 from ..transport.exchange import InFlight
@@ -163,7 +164,9 @@ class BenchPort:
 def _parsed(line: bytes) -> Any:
     """Return what a line says. Raises BenchError."""
     try:
-        return json.loads(line)
+        return json.loads(line, object_pairs_hook=once_each)
+    except RepeatedField as error:
+        raise BenchError(f"bench: {error}") from None
     except (ValueError, RecursionError):  # ValueError: no JSON, no UTF-8, or a number with thousands of digits
         raise BenchError("bench: the line is no JSON; one JSON object per line is needed") from None
 

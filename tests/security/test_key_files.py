@@ -19,10 +19,12 @@ from pzctl.daemon.server.access.access_control import AccessControl
 from pzctl.daemon.server.requests.request_errors import RequestError
 from pzctl.daemon.wire.curve_keys import (
     KeyFileError,
+    client_files,
     clients,
     local_keys,
     make_client,
     make_server,
+    read_client,
     read_client_key,
     revoke,
     rotate,
@@ -235,6 +237,14 @@ def test_a_key_that_could_not_be_written_to_its_end_is_no_key(tmp_path: Path) ->
     pair = local_keys(folder)
     assert local_keys(folder) == pair
     assert (folder / "local.json").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_key_file_does_not_state_two_rights(keys: Path) -> None:
+    make_client(keys, "ana", "watch")
+    (path,) = client_files(keys)
+    path.write_bytes(path.read_bytes().rstrip()[:-1] + b',"right":"bench"}')
+    with pytest.raises(KeyFileError, match=r"ana\.json is not a key: .* the field 'right' is given twice"):
+        read_client(path)
 
 
 def test_a_key_file_that_cannot_be_read_says_what_to_do(tmp_path: Path) -> None:

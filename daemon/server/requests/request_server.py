@@ -18,7 +18,7 @@ from ...journal.store import JournalError
 from ...wire import replies as reply
 from ...wire import requests as ask
 from ...wire.events import WIRE
-from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, to_json
+from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, from_stranger, to_json
 from ...wire.request_names import check_names
 from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
@@ -284,7 +284,7 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
     name = from_json(frames[0], _named).request
     if name not in NAMES:
         raise WireError(f"request: {name!r} is not known; known are {', '.join(NAMES)}")
-    request = from_json(frames[0], _request)
+    request = from_stranger(frames[0], _request)
     if request.v != WIRE:
         raise WireError(
             f"request: it has wire version {request.v}; this daemon reads version {WIRE}; upgrade the older side"

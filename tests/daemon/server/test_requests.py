@@ -90,6 +90,12 @@ def test_what_is_wrong_with_a_request_is_said(start_daemon, dealer) -> None:
         (b'{"id":"1","request":"replay","since":9223372036854775808}', "<= 9223372036854775807 - at `$.since`"),
         (b'{"id":"1","request":"replay","since":1,"until":-9223372036854775809}', "Expected `int` >= 0 - at `$.until`"),
         (b'{"id":"1","request":"replay","since":1,"until":1000000000000000000000000000000}', "- at `$.until`"),
+        (
+            b'{"id":"1","request":"cancel","measurement":"a","measurement":"b"}',
+            "the field 'measurement' is given twice",
+        ),
+        (b'{"id":"1","request":"bench","command":{"command":"next","command":"status"}}', "'command' is given twice"),
+        (b'{"id":"1","request":"hello","unknown":{"a":1,"\\u0061":2}}', "the field 'a' is given twice; give it once"),
         (b'{"id":"1","request":"submit","measurement":"m"}', "missing required field `fitter`"),
         (b'{"id":"1","request":"measure","step":"disk","build":{"name":1}}', "Expected `str`, got `int`"),
     ):

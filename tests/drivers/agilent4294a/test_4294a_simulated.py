@@ -183,6 +183,7 @@ KEPT = b'{"kind": "%s", "version": 1, "instrument": "", "adapter": "%s", "taken"
         (b"not JSON", "not a compensation: JSON is malformed"),
         (b'{"kind": "something else"}', "not a compensation: Object missing required field"),
         (KEPT % (b"E4990A compensation", b"OFF"), "kind is 'E4990A compensation'; 4294A compensation is allowed"),
+        (KEPT[:-1] % (b"4294A compensation", b"OFF") + b', "taken": "2020"}', "the field 'taken' is given twice"),
         (KEPT % (b"4294A compensation", b"N"), "adapter is 'N'; OFF, M1, M2, APC7, PROBE is allowed"),
     ],
 )

@@ -100,7 +100,17 @@ def test_the_same_run_gives_the_same_numbers_whatever_swept_before(lab_with):
     np.testing.assert_array_equal(run(), run())
 
 
-@pytest.mark.parametrize("line", [b"hello\n", b"[1]\n", b'{"command": 7}\n', b'{"command":"step"}\n', b"\xff\n"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        b"hello\n",
+        b"[1]\n",
+        b'{"command": 7}\n',
+        b'{"command":"step"}\n',
+        b"\xff\n",
+        b'{"command":"step","name":"disk","name":"ml1"}\n',
+    ],
+)
 def test_a_line_that_is_no_command_gets_a_sentence(lab, line):
     with socket.create_connection(("127.0.0.1", lab.sim.bench_port), 10) as link, link.makefile("rb") as stream:
         link.sendall(line)
