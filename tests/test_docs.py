@@ -19,7 +19,7 @@ from fork_server import ForkServer
 from guides import BLOCK, run_guide
 from typer.main import get_command
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"

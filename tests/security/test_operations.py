@@ -17,7 +17,7 @@ import pytest
 from command_line import run_here
 from page_requests import ask
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.files.backup_plan import BackupPlan

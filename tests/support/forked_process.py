@@ -28,7 +28,7 @@ IMPORTED = (
     "matplotlib.figure",
     "pydantic.type_adapter",
     "pyvisa_py",
-    "pzctl.daemon.cli",
+    "pzctl.daemon.cli.commands",
     "pzctl.daemon.files.builds.build_file",
     "pzctl.daemon.report.json_output.fit_json",
     "pzctl.daemon.report.pictures.fit_pictures",

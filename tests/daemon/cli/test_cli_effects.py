@@ -4,7 +4,7 @@ import json
 
 from typer.testing import CliRunner
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.models.effects import EffectError, catalogue
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.drivers.recordings import read_memory_trace, read_recording, write_csv
 from pzctl.models.base.errors import PzctlError
 from pzctl.models.circuits.lumped import Branch, Lumped

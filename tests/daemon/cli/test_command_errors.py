@@ -14,8 +14,8 @@ import pytest
 import zmq
 from typer.testing import CliRunner
 
-from pzctl.daemon import cli
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli import commands, main
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.cli.records import export
 from pzctl.daemon.cli.records import report_command as report
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, BuildError, parse_build, read_build
@@ -331,9 +331,9 @@ def test_a_file_that_cannot_be_written(here: Path) -> None:
 def test_a_full_disk_is_no_mistake_in_pzctl(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], error: OSError, says: str
 ) -> None:
-    monkeypatch.setattr(cli, "app", mock.Mock(side_effect=error))
+    monkeypatch.setattr(commands, "app", mock.Mock(side_effect=error))
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main()
     assert (ended.value.code, capsys.readouterr().err) == (1, f"pzctl: {says}\n")
 
 
@@ -343,9 +343,9 @@ def test_an_internal_error_is_one_sentence_and_its_traceback_is_in_a_file(
     def broken() -> None:
         np.linalg.cholesky(np.array([[1.0, 2.0], [2.0, 1.0]]))
 
-    monkeypatch.setattr(cli, "app", broken)
+    monkeypatch.setattr(commands, "app", broken)
     with pytest.raises(SystemExit) as ended:
-        cli.main()
+        main()
     said = capsys.readouterr().err
     assert ended.value.code == 1
     assert said.startswith("pzctl: a mistake in pzctl: LinAlgError: Matrix is not positive definite; where it happened")

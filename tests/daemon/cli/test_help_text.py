@@ -9,7 +9,7 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 
 
 def commands(command: Any, *words: str) -> Iterator[tuple[str, ...]]:

@@ -10,7 +10,7 @@ from journal_fits import put_fit
 from page_requests import ask
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.drivers.recordings import write_csv

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.layered.mason import Mason

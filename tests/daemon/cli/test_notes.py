@@ -12,7 +12,7 @@ from journal_fits import disk_build, put_fit
 from page_requests import ask
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import BuildError, parse_build
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.samples import measurement_notes

@@ -14,7 +14,7 @@ import pytest
 from scipy.io import netcdf_file
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.cli.lab.doctor import Unwell
 from pzctl.daemon.files.paths import home
 from pzctl.daemon.server.checkup import _devices, _folder, _instrument, _own_folder

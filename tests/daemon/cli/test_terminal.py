@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.cli.lab import keys_commands as keys_room
 from pzctl.daemon.cli.records import journal_commands as journal_room
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
@@ -154,6 +154,20 @@ def test_exit_status(words: list[str], status: int, tmp_path: Path) -> None:
     assert done.returncode == status
     assert "Traceback" not in done.stderr
     assert bool(done.stderr) == bool(status)
+
+
+def test_ctrl_c_while_the_commands_are_imported_is_no_traceback(tmp_path: Path) -> None:
+    interrupted = "import signal, time; signal.raise_signal(signal.SIGINT); time.sleep(60)"
+    (tmp_path / "typer.py").write_text(interrupted, encoding="utf-8")
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    done = subprocess.run(
+        [sys.executable, "-c", "from pzctl.daemon.cli import main; main()", "materials"],
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "pzctl: stopped\n")
 
 
 def test_a_picture_of_the_terminal_for_the_guides(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.fitters.diagnosis.learning.learned_effect import Learning
 from pzctl.fitters.engine.parameters.assembly import stack_of

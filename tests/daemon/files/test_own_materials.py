@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.daemon.files.builds.build_table import BuildError
 from pzctl.daemon.files.builds.own_materials import all_materials, find_material, read_materials

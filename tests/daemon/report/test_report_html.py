@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
 from pzctl.daemon.report.document.html_report import NothingToReport, report_html
 from pzctl.daemon.samples.sample_record import sample_record

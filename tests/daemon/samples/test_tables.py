@@ -13,7 +13,7 @@ from postgres import running as served
 from typer.testing import CliRunner, Result
 
 import pzctl
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.stores.views import COLUMNS

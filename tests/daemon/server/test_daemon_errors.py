@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pzctl import connect, connect_async
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.client import event_follower
 from pzctl.daemon.client.client import Client
 from pzctl.daemon.client.protocol import DaemonError

@@ -11,7 +11,7 @@ import zmq
 from typer.testing import CliRunner
 
 from pzctl import connect
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.client.async_client import connect_async
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.client.protocol import DaemonError

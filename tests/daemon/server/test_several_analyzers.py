@@ -11,7 +11,7 @@ from keyed import asked
 from typer.testing import CliRunner
 
 from pzctl import connect
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.client.client import Client
 from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.analyzer_options import AnalyzerOptions

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from pzctl.daemon.cli import app
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.models.base.errors import PzctlError
