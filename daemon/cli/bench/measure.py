@@ -15,6 +15,7 @@ import typer
 from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
 from .note_options import NoteOptions, decimal
+from .plan_check import check_plan
 from .repeats import Pause, duration
 
 if TYPE_CHECKING:
@@ -105,7 +106,6 @@ def measure(
 
     Example: pzctl measure --build S4.toml --step ml1 --fit --resource TCPIP0::192.168.0.17::5025::SOCKET
     """
-    from ....drivers import capabilities_of
     from ...files.builds.build_check import needed_plan
     from ...report.terminal import console
 
@@ -127,7 +127,7 @@ def measure(
     pause = Pause(duration(every, "--every"))
     report = Report(device.name)
     with _kept_on_stop(report), _daemon(resource, analyzer, wanted, time_scale, screen) as (lab, on):
-        capabilities_of(on.instrument.idn).check(plan)  # before anything is glued
+        check_plan(lab, on, device, plan)  # before anything is glued
         simulated = on.bench is not None
         diagnoser = _diagnoser(lab, device, on.name, screen, yes) if diagnose else None
         for name in names:
@@ -159,7 +159,7 @@ def _by_queue(
 ) -> Report:
     """Measure what is left of a queue file; `daemon`: resource, analyzer, fitters and time scale. Raises PzctlError."""
     from ...files.builds.limits_table import with_limits
-    from .queue_run import QueueRun, queued, what_is_left
+    from .queue_run import QueueRun, check_queue, queued, what_is_left
 
     wanted = queued(path, lambda build: with_limits(build, limits), given)
     report = Report(wanted.steps[0].build.name, queue=wanted.name)
@@ -170,11 +170,12 @@ def _by_queue(
             if on.bench is not None:
                 _prepare(lab, step, on, screen)
 
-        def measure(entry: "QueuedStep") -> None:
-            noted = notes.noted(entry.build, entry.step)
+        def measure(entry: "QueuedStep", noted: "Build") -> None:
             _one_step(lab, noted, entry.step, on.name, fitters, screen, report)
 
-        QueueRun(what_is_left(wanted, screen), screen).run(prepare, measure)
+        left = what_is_left(wanted, screen)
+        check_queue(left, notes, lambda build, plan: check_plan(lab, on, build, plan))  # before anything is glued
+        QueueRun(left, screen).run(prepare, notes.noted, measure)
     return report
 
 

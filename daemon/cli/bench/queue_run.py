@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import typer
 
 from ....models.base.errors import CannotError, PzctlError
+from ....models.metadata import check_metadata
 from ...client.protocol import DaemonError
 from ...files.measurement_queue import QUEUE_KEY, MeasurementQueue, QueuedStep
 from ..analysis.fit_options import UsageError
+from .note_options import NoteOptions
 from .repeats import Pause
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ....models.build import Build
+    from ....models.sweep_plan import SweepPlan
 
 _ENDED_CODES = ("failed", "cancelled", "abandoned", "bad-plan")
 """Codes of errors that concern one measurement only; the queue goes on with the next."""
@@ -27,6 +30,10 @@ _ENDED_CODES = ("failed", "cancelled", "abandoned", "bad-plan")
 
 class QueueError(CannotError):
     """Measurements of a queue failed."""
+
+
+class QueueFault(PzctlError):
+    """An entry of a queue cannot be measured; found before the first one is."""
 
 
 def queued(path: "Path", changed: "Callable[[Build], Build]", given: Mapping[str, object]) -> MeasurementQueue:
@@ -60,6 +67,25 @@ def what_is_left(queue: MeasurementQueue, console: "Console") -> MeasurementQueu
     return left
 
 
+def check_queue(queue: MeasurementQueue, notes: NoteOptions, check: "Callable[[Build, SweepPlan], None]") -> None:
+    """Check the plan and the notes of every entry; `check` does so for the plan of a build.
+
+    Raises QueueFault, UsageError.
+    """
+    from ...files.builds.build_check import needed_plan
+
+    given = notes.metadata()
+    if QUEUE_KEY in given:  # it would not be known which measurements are those of the queue
+        raise UsageError(f"--note {QUEUE_KEY}=... is taken by the name of the queue; use another key")
+    for entry in queue.steps:
+        where = f"queue {queue.name!r}: {entry.build.name}, step {entry.step}"
+        try:
+            check(entry.build, needed_plan(entry.build, where))
+            check_metadata({**entry.build.metadata, **given}, "notes")
+        except PzctlError as error:
+            raise QueueFault(f"{where}: {error}; nothing was started") from None
+
+
 def _done(queue: MeasurementQueue) -> Counter[tuple[str, str]]:
     """Return how often the journal holds each sample and step of this queue, with what the daemon still measures."""
     from ...samples.sample_selection import NoSamplesError, open_journal
@@ -87,8 +113,16 @@ class QueueRun:
         self._done = 0
         self._failed: list[str] = []
 
-    def run(self, prepare: Callable[[str], None], measure: Callable[[QueuedStep], None]) -> None:
-        """Measure everything in order. Raises QueueError at the end if some failed."""
+    def run(
+        self,
+        prepare: Callable[[str], None],
+        noted: "Callable[[Build, str], Build]",
+        measure: "Callable[[QueuedStep, Build], None]",
+    ) -> None:
+        """Measure everything in order; `noted` returns a build with the notes on its step, as they are at that time.
+
+        Raises QueueError at the end if some failed.
+        """
         with self._interruptible():
             for entry in self._queue.steps:
                 pause = Pause(entry.every, entry.wait)
@@ -98,26 +132,39 @@ class QueueRun:
                 for _ in range(entry.repeat):
                     pause.wait(self._console, f"{self._done} of {self._queue.total} measured")
                     self._console.print(f"{entry.build.name}, step {entry.step}:", highlight=False, soft_wrap=True)
-                    self._measure(entry, measure)
+                    self._measure(entry, noted, measure)
         if self._failed:
             raise QueueError(
                 f"{len(self._failed)} of {self._queue.total} measurements failed, the first: {self._failed[0]}; "
                 "the same command measures them again"
             )
 
-    def _measure(self, entry: QueuedStep, measure: Callable[[QueuedStep], None]) -> None:
+    def _measure(
+        self,
+        entry: QueuedStep,
+        noted: "Callable[[Build, str], Build]",
+        measure: "Callable[[QueuedStep, Build], None]",
+    ) -> None:
         try:
-            measure(entry)
+            build = noted(entry.build, entry.step)
+        except PzctlError as error:  # such as that of a thermometer which does not answer
+            self._fail(entry, error)
+            return
+        try:
+            measure(entry, build)
         except DaemonError as error:
             if error.code not in _ENDED_CODES:
                 raise
-            self._failed.append(f"{entry.build.name}, step {entry.step}: {error}")
-            self._console.print(self._failed[-1], style="red", highlight=False, soft_wrap=True, markup=False)
+            self._fail(entry, error)
         except PzctlError as error:  # the fit; the measurement is in the journal
             self._done += 1
             self._console.print(f"{entry.build.name}, step {entry.step}: {error}", style="red", markup=False)
         else:
             self._done += 1
+
+    def _fail(self, entry: QueuedStep, error: PzctlError) -> None:
+        self._failed.append(f"{entry.build.name}, step {entry.step}: {error}")
+        self._console.print(self._failed[-1], style="red", highlight=False, soft_wrap=True, markup=False)
 
     @contextmanager
     def _interruptible(self) -> Generator[None]:

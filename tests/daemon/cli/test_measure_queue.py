@@ -10,10 +10,14 @@ from pathlib import Path
 
 import pytest
 from command_line import run_here
+from rich.console import Console
 
+from pzctl.daemon.cli.bench.queue_run import QueueError, QueueRun
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD
 from pzctl.daemon.files.builds.build_table import BuildError
 from pzctl.daemon.files.measurement_queue import read_queue
+from pzctl.daemon.samples.measurement_notes import ReaderError
+from pzctl.models.build import Build
 
 PZCTL = Path(sys.executable).with_name("pzctl")
 NIGHT = """\
@@ -138,6 +142,30 @@ def test_a_mistake_is_one_sentence(night: Path, here: str, instead: str, says: s
     with pytest.raises(BuildError) as caught:
         read_queue(night)
     assert says in str(caught.value)
+
+
+def test_the_whole_queue_is_checked_before_its_first_step(night: Path) -> None:
+    for what, config, says in (
+        ("bias_V = 45", "", "bias is 45 V; the 4294A can do -40 to 40 V; nothing was started"),
+        ("bias_V = 30", "max_bias_V = 20", "bias is 30 V; this bench allows 20 V (max_bias_V); nothing was started"),
+    ):
+        (night.parent / "config.toml").write_text(config, encoding="utf-8")
+        night.write_text(NIGHT.replace("bias_V = 2", what), encoding="utf-8")
+        done = pzctl(night.parent, "measure", "--queue", "night.toml", "--time-scale", "0")
+        assert done.returncode == 2
+        assert done.stderr.endswith(f"queue 'night 1': X2, step disk: sweep plan: {says}\n")
+        assert "points in" not in done.stdout
+    done = pzctl(night.parent, "measure", "--queue", "night.toml", "--note", "queue=mine")
+    assert (done.returncode, "is taken by the name of the queue" in done.stderr) == (2, True)
+
+
+def test_a_thermometer_that_fails_is_no_measurement(night: Path) -> None:
+    def noted(build: Build, step: str) -> Build:
+        raise ReaderError("reader 'thermometer' cannot read: unplugged")
+
+    run = QueueRun(read_queue(night), Console(quiet=True))
+    with pytest.raises(QueueError, match=r"3 of 3 measurements failed, the first: X1, step disk: reader 'thermo"):
+        run.run(lambda step: None, noted, lambda entry, build: pytest.fail("measured without its notes"))
 
 
 def test_options_that_the_file_replaces_are_refused(night: Path) -> None:
