@@ -53,6 +53,8 @@ class SampleRecord:
     """In the order in which they were measured."""
     withdrawn: tuple[str, ...] = ()
     """One sentence for each withdrawn measurement of the sample."""
+    measurement: str | None = None
+    """The id of the only measurement that was asked for; None if the sample was."""
 
 
 def sample_record(journal: JournalReader, name_or_id: str) -> SampleRecord:
@@ -75,7 +77,8 @@ def sample_record(journal: JournalReader, name_or_id: str) -> SampleRecord:
     build = journal.build(measured[-1].id)
     order = {step.name: k for k, step in enumerate(build.steps)}
     steps = sorted(latest.values(), key=lambda m: order.get(m.sample.step, -1))
-    return SampleRecord(name, build, tuple(_step(journal, measurement) for measurement in steps), withdrawn)
+    records = tuple(_step(journal, measurement) for measurement in steps)
+    return SampleRecord(name, build, records, withdrawn, by_id.id if by_id else None)
 
 
 def step_sweeps(journal: JournalReader, sample: str, step: str | None) -> list[Sweep]:

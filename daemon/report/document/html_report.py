@@ -3,6 +3,7 @@
 from html import escape
 
 from ....fitters.interface import FitResult
+from ....fitters.plugins import DEFAULT
 from ....models.base.errors import CannotError
 from ....models.sweep import now_utc
 from ...samples.sample_record import SampleRecord, StepRecord
@@ -46,9 +47,7 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
     """
     chosen = _fits(record, fitter)
     if not chosen:
-        named = f" by {fitter!r}" if fitter else ""
-        makes = f"`pzctl fit --all{f' --fitter {fitter}' if fitter else ''}` makes them"
-        raise NothingToReport(f"sample {record.name!r}: the journal holds no fit{named}; {makes}")
+        raise NothingToReport(_why_nothing(record, fitter))
     last, fit = chosen[-1]
     fits = [result for _, result in chosen]
     parts = [
@@ -73,6 +72,22 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
         f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head><body>"
         f"<h1>{escape(title)}</h1><p class='faint'>{origin}</p>{body}</body></html>"
     )
+
+
+def _why_nothing(record: SampleRecord, fitter: str | None) -> str:
+    """Return why there is no fit, and how one is made."""
+    named = f" by {fitter!r}" if fitter else ""
+    what = f"sample {record.name!r}: the journal holds no fit{named}"
+    makes = f"`pzctl fit --all{f' --fitter {fitter}' if fitter else ''}` makes them"
+    if record.measurement is not None:
+        known = record.steps[0].measurement
+        what = f"measurement {known.id} of sample {record.name!r}, step {known.sample.step!r}: it has no fit{named}"
+        if known.state != "measured":
+            return f"{what} and gets none: it is {known.state}; only complete measurements that count are fitted"
+        makes = f"`pzctl.connect().fit({known.id!r}, {fitter or DEFAULT!r})` in Python asks a running daemon for one"
+    said = [says for step in record.steps for says in step.refusals]
+    refused = [says for says in said if fitter is None or says.startswith(f"{fitter}: ")]
+    return f"{what}; {'; '.join(refused) or makes}"
 
 
 def _fits(record: SampleRecord, fitter: str | None) -> list[tuple[StepRecord, FitResult]]:

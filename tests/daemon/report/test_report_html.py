@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -98,6 +99,26 @@ def test_names_from_outside_cannot_become_markup(reported: Path) -> None:
     assert "<script" not in report_html(record)
     with pytest.raises(NothingToReport, match="no fit by 'nobody'"):
         report_html(record, "nobody")
+
+
+def test_a_measurement_without_a_fit_is_told_from_its_sample(reported: Path) -> None:
+    journal = open_journal()
+    (measured,) = journal.measurements("sample = 'thesis' AND step = 'disk'")
+    record = sample_record(journal, measured.id)
+    journal.close()
+    assert "Constants" in report_html(record)
+    (step,) = record.steps
+    unfitted = replace(record, steps=(replace(step, fits=(), refusals=()),))
+    refused = replace(record, steps=(replace(step, fits=(), refusals=("mason: too few points",)),))
+    failed = replace(record, steps=(replace(step, measurement=replace(measured, state="failed"), fits=()),))
+    for one, says in (
+        (unfitted, f"it has no fit; `pzctl.connect().fit('{measured.id}', 'mason')` in Python asks a running daemon"),
+        (refused, "it has no fit; mason: too few points"),
+        (failed, "it has no fit and gets none: it is failed; only complete measurements that count are fitted"),
+    ):
+        with pytest.raises(NothingToReport) as nothing:
+            report_html(one)
+        assert str(nothing.value).startswith(f"measurement {measured.id} of sample 'thesis', step 'disk': {says}")
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed (Debian: apt-get install chromium)")
