@@ -11,6 +11,9 @@ from .visa.resources import address_of, open_session, resource_name
 
 GROUP = "pzctl.analyzers"
 
+_THIS_MACHINE = "::127."
+"""In the address of a simulated analyzer; all of them have one serial number."""
+
 
 def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
     """Open the analyzer at `resource` (see `resources.ALLOWED`), chosen by its prefix or by its answer to `*IDN?`.
@@ -26,9 +29,14 @@ def open_analyzer(resource: str, timeout_seconds: float = 5.0) -> Analyzer:
     from .visa.connection import Connection
 
     name = resource_name(resource)
-    connection = Connection(text, lambda: open_session(name), timeout_seconds, address_of(name))
+    address = address_of(name)
+    connection = Connection(text, lambda: open_session(name), timeout_seconds, address)
     try:
-        return _identified(text, connection.ask("*IDN?").strip()).open(connection)
+        idn = connection.ask("*IDN?").strip()
+        driver = _identified(text, idn)
+        if _THIS_MACHINE not in address:
+            connection.lock_unit(idn)
+        return driver.open(connection)
     except BaseException:
         connection.close()
         raise

@@ -17,7 +17,7 @@ from pyvisa.errors import InvalidSession
 
 from ..base.analyzer import InstrumentError
 from . import replies, service_request
-from .instrument_lock import lock_instrument
+from .instrument_lock import lock_instrument, unit_of
 from .session import Session, hung_up, prepared, readable
 
 SLICE_SECONDS = 0.25
@@ -53,7 +53,7 @@ class Connection:
         self._opener = opener
         self._buffer = bytearray()
         self._doubtful = False
-        self._lock = lock_instrument(address, name) if address is not None else None
+        self._locks = [lock_instrument(address, name)] if address is not None else []
         try:
             self._open()
         except BaseException:
@@ -65,9 +65,19 @@ class Connection:
         self._close_session()
         self._release()
 
+    def lock_unit(self, idn: str) -> None:
+        """Lock the instrument under its serial number as well: LAN and GPIB are two addresses of one instrument.
+
+        `idn` is its answer to `*IDN?`. Raises InstrumentError if another program uses it.
+        """
+        unit = unit_of(idn)
+        if unit is not None:
+            self._locks.append(lock_instrument(unit, self.name))
+
     def _release(self) -> None:
-        if self._lock is not None:
-            self._lock.close()
+        for lock in self._locks:
+            if lock is not None:
+                lock.close()
 
     def _close_session(self) -> None:
         for resource in (self._resource, self._bridge):

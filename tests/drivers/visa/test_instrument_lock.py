@@ -12,6 +12,7 @@ import pytest
 from pzctl.drivers import open_analyzer
 from pzctl.drivers.base.analyzer import InstrumentError
 from pzctl.drivers.visa.discover import identity_of
+from pzctl.drivers.visa.instrument_lock import unit_of
 from pzctl.drivers.visa.resources import address_of, resource_name
 from pzctl.sim.server import SimOptions, running
 
@@ -44,6 +45,21 @@ def test_a_second_one_is_refused_however_it_writes_the_address(sim):
         with pytest.raises(InstrumentError, match="uses this analyzer already"):
             open_analyzer(name)
     open_analyzer(name).close()
+
+
+def test_one_at_two_addresses_is_one_instrument(sim, monkeypatch):
+    at = iter(("TCPIP0::192.0.2.17::5025::SOCKET", "GPIB0::17::INSTR", "GPIB0::17::INSTR"))
+    monkeypatch.setattr("pzctl.drivers.analyzers.address_of", lambda name: next(at))
+    with closing(open_analyzer(sim.resource)) as first:
+        with pytest.raises(InstrumentError, match=f"process {os.getpid()} of .* uses this analyzer already"):
+            open_analyzer(sim.resource)
+        first.identify()
+    open_analyzer(sim.resource).close()
+
+
+def test_who_states_no_serial_number_is_known_by_its_address():
+    assert unit_of('"KEYSIGHT, 4294A, my123,REV1.11"') == unit_of("HEWLETT-PACKARD,4294A,MY123,REV2") == "4294A MY123"
+    assert [unit_of(idn) for idn in ("ACME,Z1,0,1.0", "ACME,Z1,,1.0", "ACME", "")] == [None] * 4
 
 
 def test_an_analyzer_that_cannot_be_opened_is_released():
