@@ -11,7 +11,7 @@ import msgspec
 from starlette.requests import ClientDisconnect, Request
 
 from ...models.base.errors import PzctlError
-from ...models.base.json_fields import RepeatedField, check_fields, once_each
+from ...models.base.strict_json import JsonFault, check_json, once_each
 
 MOST_BODY = 64 << 10
 """Greatest number of bytes of a command; a manual fit with all choices has a few thousand."""
@@ -53,9 +53,9 @@ async def read_body(request: Request, expected: type[T]) -> T:
             fields = once_each(parse_qsl(text.decode(), keep_blank_values=True, strict_parsing=True))
             return msgspec.convert(fields, expected, strict=False)
         decoded = msgspec.json.decode(text or b"{}", type=expected)
-        check_fields(text or b"{}")
+        check_json(text or b"{}")
         return decoded
-    except (msgspec.ValidationError, RepeatedField) as error:
+    except (msgspec.ValidationError, JsonFault) as error:
         raise BodyError(f"request: {error}") from None
     except (ValueError, UnicodeDecodeError) as error:  # msgspec.DecodeError is a ValueError
         raise BodyError(f"request: its body is not a JSON object: {error}") from None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.base.errors import PzctlError
-from ...models.base.json_fields import RepeatedField, check_fields
+from ...models.base.strict_json import JsonFault, check_json
 
 MOST_FRAMES = 8192
 """Greatest number of frames of one message; a fit of three steps of 500 sweeps has 7,500 columns."""
@@ -66,7 +66,10 @@ def unpack(columns: Sequence[ColumnHeader], frames: Sequence[bytes]) -> dict[str
             )
         if column.name in arrays:
             raise WireError(f"message: two columns are called {column.name!r}; names must differ")
-        arrays[column.name] = np.frombuffer(frame, dtype=column.dtype).reshape(column.shape)
+        try:
+            arrays[column.name] = np.frombuffer(frame, dtype=column.dtype).reshape(column.shape)
+        except ValueError as error:  # an empty column of more, or longer, dimensions than an array can have
+            raise WireError(f"message: column {column.name!r} cannot have its shape: {error}") from None
     return arrays
 
 
@@ -90,11 +93,11 @@ def from_json(text: bytes, decoder: "msgspec.json.Decoder[T]", most: int = LARGE
 
 
 def from_stranger(text: bytes, decoder: "msgspec.json.Decoder[T]") -> T:
-    """Return a header that the daemon did not write, in which no object has a field twice. Raises WireError."""
+    """Return a header that the daemon did not write, and that every reader can read. Raises WireError."""
     decoded = from_json(text, decoder)
     try:
-        check_fields(text)
-    except RepeatedField as error:
+        check_json(text)
+    except JsonFault as error:
         raise WireError(f"message: {error}") from None
     return decoded
 

@@ -6,7 +6,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from ...models.base.json_fields import RepeatedField, check_fields
+from ...models.base.strict_json import JsonFault, check_json
 from .analyzer import InstrumentError
 from .capabilities import Capabilities
 from .compensation import Compensation, Standard
@@ -53,10 +53,10 @@ def load(path: Path, can: Capabilities) -> Compensation:
     try:
         text = path.read_bytes()
         stored = msgspec.json.decode(text, type=_Stored)
-        check_fields(text)
+        check_json(text)
     except OSError as error:
         raise InstrumentError(f"{path}: the compensation cannot be read: {error.strerror}") from None
-    except (msgspec.MsgspecError, RepeatedField) as error:
+    except (msgspec.MsgspecError, JsonFault) as error:
         raise InstrumentError(f"{path}: not a compensation: {error}") from None
     for key, value, allowed in (("kind", stored.kind, (_kind(can.model),)), ("adapter", stored.adapter, can.adapters)):
         if value not in allowed:

@@ -23,6 +23,8 @@ def among(name: str, known: Iterable[str]) -> str:
 
 _LEAST_LIKENESS = 0.65
 """Share of letters in common: one wrong letter of three, or two of six, may be a slip of the hand."""
+_LONGEST_SLIP = 200
+"""Characters of a name beyond which none is looked for: it takes seconds for the megabyte that a request may have."""
 _LEAST_PART = 3
 """Letters of a name that may be a part of the one meant, which lacks its unit or its number."""
 
@@ -32,6 +34,8 @@ def likely_meant(name: str, known: Iterable[str], most: int = 1) -> list[str]:
 
     Case, blanks and punctuation do not matter.
     """
+    if len(name) > _LONGEST_SLIP:
+        return []
     given = bare(name)
     likeness: dict[str, float] = {}
     for other in known:

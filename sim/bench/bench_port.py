@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 from ...models.base.errors import PzctlError
-from ...models.base.json_fields import RepeatedField, once_each
+from ...models.base.strict_json import JsonFault, once_each
 from ..instrument.instrument import Instrument
 from ..model import Model
 from ..transport.exchange import InFlight
@@ -165,7 +165,7 @@ def _parsed(line: bytes) -> Any:
     """Return what a line says. Raises BenchError."""
     try:
         return json.loads(line, object_pairs_hook=once_each)
-    except RepeatedField as error:
+    except JsonFault as error:
         raise BenchError(f"bench: {error}") from None
     except (ValueError, RecursionError):  # ValueError: no JSON, no UTF-8, or a number with thousands of digits
         raise BenchError("bench: the line is no JSON; one JSON object per line is needed") from None

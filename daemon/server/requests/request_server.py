@@ -52,6 +52,10 @@ ONCE = (
 LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, ask.SamplesRequest)
 """Requests that wait for something outside the handlers, or that read the whole journal."""
 
+LARGE = ("measure", "submit")
+LARGEST_SMALL = 64 << 10
+"""Greatest size in bytes of the header of any other request than these, which take the longest to check."""
+
 LONGEST_COMMAND = 4096
 """Bytes of a command to the bench; its port reads no longer line than 64 KiB."""
 
@@ -153,7 +157,7 @@ class RequestServer:
         try:
             request = _read(frames)
             client = self._access.check(key, request)
-        except PzctlError as error:
+        except Exception as error:  # whatever reading a message raises, the next one must be answered
             return self._why_not(_id_of(frames), error)
         digest = hashlib.sha256(b"".join(frames)).digest()
         full = self._waiting[key] >= AT_ONCE
@@ -284,6 +288,8 @@ def _read(frames: Sequence[bytes]) -> ask.AnyRequest:
     name = from_json(frames[0], _named).request
     if name not in NAMES:
         raise WireError(f"request: {name!r} is not known; known are {', '.join(NAMES)}")
+    if name not in LARGE and len(frames[0]) > LARGEST_SMALL:
+        raise WireError(f"request: {name} has {len(frames[0])} bytes; at most {LARGEST_SMALL} are allowed")
     request = from_stranger(frames[0], _request)
     if request.v != WIRE:
         raise WireError(

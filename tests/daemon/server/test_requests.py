@@ -96,6 +96,11 @@ def test_what_is_wrong_with_a_request_is_said(start_daemon, dealer) -> None:
         ),
         (b'{"id":"1","request":"bench","command":{"command":"next","command":"status"}}', "'command' is given twice"),
         (b'{"id":"1","request":"hello","unknown":{"a":1,"\\u0061":2}}', "the field 'a' is given twice; give it once"),
+        (b'{"id":"1","request":"hello","unknown":' + b"[" * 64 + b"]" * 64 + b"}", "65 objects and lists are nested"),
+        (
+            b'{"id":"1","request":"fit","measurement":"m","fitter":"' + b"x" * 70_000 + b'"}',
+            "at most 65536 are allowed",
+        ),
         (b'{"id":"1","request":"submit","measurement":"m"}', "missing required field `fitter`"),
         (b'{"id":"1","request":"measure","step":"disk","build":{"name":1}}', "Expected `str`, got `int`"),
     ):

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from schemas import schemas, text
 
 from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, SweepEvent, decode, encode, sweep_columns, topic
-from pzctl.daemon.wire.frames import WireError
+from pzctl.daemon.wire.frames import ColumnHeader, WireError, unpack
 from pzctl.models.build import Build, LoadSpec, Quantity, Step
 from pzctl.models.sweep import Sweep
 
@@ -99,6 +99,12 @@ def test_what_is_wrong_is_named(old: bytes, new: bytes, says: str) -> None:
     assert old in VALID[1]
     with pytest.raises(WireError, match=says):
         decode([VALID[0], VALID[1].replace(old, new), *VALID[2:]]).sweep()
+
+
+def test_an_empty_column_has_a_shape_that_an_array_can_have() -> None:
+    for shape in ((0,) * 100, (10**30, 0), (2**62, 0)):
+        with pytest.raises(WireError, match="column 'a' cannot have its shape"):
+            unpack([ColumnHeader("a", "", "<f8", shape)], [b""])
 
 
 def test_a_frame_too_few_and_one_too_many() -> None:
