@@ -50,7 +50,9 @@ def _answer(request: ComparisonRequest) -> dict[str, Any]:
     try:
         sweeps: list[Sweep] = []
         for wanted in (request.before, request.after):
-            (step,) = sample_record(journal, wanted.measurement).steps
+            step, *others = sample_record(journal, wanted.measurement).steps
+            if others:
+                raise PageComparisonError(f"{wanted.measurement} is no measurement but a sample; give the id of one")
             if not 1 <= wanted.segment <= len(step.sweeps):
                 raise PageComparisonError(
                     f"{wanted.measurement} has no sweep {wanted.segment}; allowed are 1 to {len(step.sweeps)}"

@@ -35,6 +35,8 @@ _EVERYWHERE: Bands = ((0.0, np.inf),)
 _USUAL = Choices()
 _FEWEST = 20
 """Fewest points of a sweep that a band must contain."""
+_SMALLEST, _LARGEST = 1e-30, 1e30
+"""Limits of |Z|, as of a recording, ohm."""
 _SUBJECTS: dict[str, Callable[[FitTask], Subject]] = {
     StackManualFit.fitter: StackManualFit,
     "radial": radial_in_hand,
@@ -135,11 +137,11 @@ class ManualFit:
         posed, effects, coordinates = self._chosen(choices)
         if not coordinates.free:
             raise FitError("nothing is free: free at least one constant")
+        before, _ = self._curves(choices, effects, coordinates, coordinates.x)
         descent = settle(posed.with_effects(effects), coordinates, posed.priors, coordinates.x)
         steps = tuple(dict.fromkeys(recording.step for recording in posed.recordings))
         answer = self._subject.answer(steps, descent, time.perf_counter() - began)
         after, chi2 = self._curves(choices, effects, coordinates, descent.x)
-        before, _ = self._curves(choices, effects, coordinates, coordinates.x)
         curves = tuple(replace(new, start=old.fitted) for new, old in zip(after, before, strict=True))
         sizes = _sizes(effects, coordinates, estimate(descent).covariance, descent.x)
         handles = _handles(posed, effects, coordinates, descent.x)
@@ -196,7 +198,7 @@ class ManualFit:
     def _curves(
         self, choices: Choices, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
     ) -> tuple[tuple[Curve, ...], float]:
-        """Return the model over whole sweeps, and its misfit within the bands."""
+        """Return the model over whole sweeps, and its misfit within the bands. Raises FitError."""
         recordings = self._posed(choices, whole=True).with_effects(effects)
         objective = Objective(recordings, coordinates, ())
         curves: list[Curve] = []
@@ -204,6 +206,12 @@ class ManualFit:
         for recording, model in zip(recordings, objective.models(x), strict=True):
             sweep, mask = recording.sweep, within(recording.sweep, self._bands(choices, recording.step))
             Z = model.impedance(sweep.frequency)
+            size = np.abs(Z)
+            if not ((size >= _SMALLEST) & (size <= _LARGEST)).all():  # not, because of nan
+                raise FitError(
+                    f"at these values the model's |Z| is not from {_SMALLEST:g} to {_LARGEST:g} ohm; move them towards "
+                    "those of the build"
+                )
             curves.append(Curve(recording.step, sweep.frequency, sweep.impedance, Z, Z))
             chosen.append(replace(recording, noise=np.where(mask, recording.noise, np.inf)))
         return tuple(curves), chi2_beside_instrument(chosen, objective.log_ratios(x), len(coordinates.free))
@@ -225,6 +233,8 @@ def _effects(posed: FitSetup, choices: Choices) -> tuple[Candidate, ...]:
         if candidate is None:
             places = ", ".join(dict.fromkeys(c.where for c in there if c.effect.name == name)) or "none"
             raise FitError(f"effect {name!r} cannot be at {where!r}; possible places: {places}")
+        if candidate in selected:
+            raise FitError(f"effect {name!r} at {where!r} is chosen twice; choose it once")
         selected.append(candidate)
     return tuple(selected)
 

@@ -17,6 +17,9 @@ from .hidden_effects import hidden, hide
 from .jig import JIGS, Jig
 from .json_numbers import finite, quoted
 
+LONGEST_PAUSE = 3600.0
+"""Seconds that the instrument can be off."""
+
 
 class BenchPort:
     """Answers the bench's commands."""
@@ -46,7 +49,7 @@ class BenchPort:
             "panel": lambda c: self._done(
                 model.panel(self._instrument, _text(c, "message").encode("latin-1", "replace"))
             ),
-            "power-cycle": lambda c: self._done(self._power_cycle(_real({"seconds": 0.2, **c}, "seconds"))),
+            "power-cycle": lambda c: self._done(self._power_cycle(_pause({"seconds": 0.2, **c}, "seconds"))),
         }
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -198,6 +201,13 @@ def _real(command: Mapping[str, Any], key: str) -> float:
     if number is None:
         raise BenchError(f"bench: {key!r} is {quoted(value)}; a number is needed")
     return number
+
+
+def _pause(command: Mapping[str, Any], key: str) -> float:
+    seconds = _real(command, key)
+    if not 0 <= seconds <= LONGEST_PAUSE:  # whoever else uses the bench waits for its end
+        raise BenchError(f"bench: {key!r} is {seconds:g}; 0 to {LONGEST_PAUSE:g} is allowed")
+    return seconds
 
 
 def _options(command: Mapping[str, Any]) -> dict[str, float | str]:

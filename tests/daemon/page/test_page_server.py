@@ -96,6 +96,7 @@ def test_two_sweeps_of_the_journal_are_compared_and_one_that_is_not_there_is_a_s
     jw = 2j * np.pi * f
     Z = 1 / (jw * 5e-10 + jw * 6e-11 / (1 - (f / 1e6) ** 2 + 1j * f / 1e6 / 80))
     names = [put(journal, build, Sweep(f, seen)) for seen in (Z, Z + jw * 3e-6)]
+    put(journal, build, Sweep(f, 2 * Z), "ml1")
     journal.close()
 
     def compared(segment: int) -> tuple[int, Any]:
@@ -112,12 +113,15 @@ def test_two_sweeps_of_the_journal_are_compared_and_one_that_is_not_there_is_a_s
     assert len(found["curve"]["explained"]["re"]) == len(found["curve"]["f"]) == 101
     status, found = compared(2)
     assert (status, found["error"]) == (404, f"{names[1]} has no sweep 2; allowed are 1 to 1")
+    names[1] = build.name
+    status, found = compared(1)
+    assert (status, found["error"]) == (404, f"{build.name} is no measurement but a sample; give the id of one")
 
 
-def put(journal: JournalWriter, build: Build, sweep: Sweep) -> str:
+def put(journal: JournalWriter, build: Build, sweep: Sweep, step: str = "disk") -> str:
     """Write a measured step of one sweep; return the measurement."""
-    measurement, _ = journal.begin_measurement(str(sweep.impedance[0]), build, build.steps[0].name)
-    sample = SampleStep(build.name, build.steps[0].name)
+    measurement, _ = journal.begin_measurement(str(sweep.impedance[0]), build, step)
+    sample = SampleStep(build.name, step)
     columns, payload = sweep_columns(sweep)
     instrument = InstrumentInfo("R", "I", "4294A", "1", "1", simulated=True)
     event = SweepEvent(

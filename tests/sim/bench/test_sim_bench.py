@@ -109,6 +109,8 @@ def test_the_same_run_gives_the_same_numbers_whatever_swept_before(lab_with):
         b'{"command":"step"}\n',
         b"\xff\n",
         b'{"command":"step","name":"disk","name":"ml1"}\n',
+        b'{"command":"power-cycle","seconds":1e300}\n',
+        b'{"command":"power-cycle","seconds":-1}\n',
     ],
 )
 def test_a_line_that_is_no_command_gets_a_sentence(lab, line):
