@@ -12,8 +12,8 @@ from .build_table import BuildError
 from .file_keys import BELOW, LOSS_SIGN, NEEDED, POSITIVE
 from .tied_parameters import resolved
 
-LEAST, MOST = 1e-70, 1e70
-"""Least and greatest size of a number in SI units: that of a build file, with some room for the file's units."""
+LEAST, MOST = 1e-30, 1e30
+"""Least and greatest size of a number in SI units; every constant of a device, and its uncertainty, is far inside."""
 
 
 def check_sent_build(build: Build, source: str) -> None:

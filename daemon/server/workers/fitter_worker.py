@@ -8,8 +8,9 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 
-from ....fitters.interface import FitError, FitResult, FitTask, Fitter
+from ....fitters.interface import FitResult, FitTask, Fitter
 from ....fitters.plugins import PluginError, load_configured, run
+from ....models.base.errors import PzctlError
 from ....models.sweep import Sweep
 from ...client.client import Client
 from ...client.protocol import DaemonError
@@ -81,11 +82,13 @@ class FitterWorker:
             answer = run(self._fitter, task_of(events))
         except MemoryError:  # leaked memory would make every later fit fail too: let the process be restarted
             raise
-        except FitError as error:
+        except PzctlError as error:
+            if isinstance(error, PluginError):  # a defect of the fitter
+                log.exception("measurement %s", measurement)
             answer = str(error)
         except Exception as error:
             log.exception("measurement %s", measurement)
-            answer = str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
+            answer = f"{type(error).__name__}: {error}"
         self._submit(measurement, [received.event.id for received in events], answer)
         self._answered.add(measurement)
 

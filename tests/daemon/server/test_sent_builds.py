@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -13,7 +14,8 @@ from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.files.builds.build_table import BuildError
 from pzctl.daemon.files.builds.sent_build import check_sent_build
-from pzctl.models.build import BoltSpec, Build, LayerSpec, LoadSpec, Quantity, Step
+from pzctl.fitters.interface import FitError
+from pzctl.models.build import BoltSpec, Build, EffectSpec, LayerSpec, LoadSpec, Quantity, Step
 from pzctl.models.specification import Limit, Specification
 
 
@@ -86,6 +88,18 @@ def test_the_daemon_measures_no_such_build(start_daemon: Callable[..., Location]
             lab.begin(with_value(build, "thickness", source="\x1b[2J"), "disk")
         assert lab.status().seq == before, "nothing was accepted"
         assert lab.measure(build, "disk").sweeps
+
+
+def test_an_effect_that_no_catalogue_has_is_left_to_the_fitter(
+    start_daemon: Callable[..., Location], build: Build
+) -> None:
+    where = start_daemon(names=("mason",))
+    with connect() as lab:
+        measurement = lab.begin(replace(build, effects=(EffectSpec("x", "terminals", {}),)), "disk")
+        with pytest.raises(FitError, match=r"^effect 'x' is not known; there are "):
+            lab.wait_fit("mason", measurement)
+    log = Path(where.log).with_name("fitter-mason.log")
+    assert "Traceback" not in log.read_text(encoding="utf-8")
 
 
 def test_the_build_of_a_file_is_accepted() -> None:
