@@ -11,7 +11,7 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
 from pzctl.daemon.files.worker_limits import Limits
 from pzctl.daemon.wire.events import DiagnosisEvent, FitEvent
 from pzctl.fitters.interface import FitError
-from pzctl.models.build import Build
+from pzctl.models.build import Build, Quantity
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
 THESIS = THESIS_BUILD
@@ -51,8 +51,9 @@ def test_what_cannot_be_done_is_said(start_daemon, build: Build) -> None:
         ):
             with pytest.raises(DaemonError, match=says):
                 ask()
-        with pytest.raises(FitError):
-            lab.fit(measurement, "mason", patience=60)
+        wide = lab.measure(replace(build, area=Quantity(2.0)), "disk").id
+        with pytest.raises(FitError, match="the capacitance of this build gives"):
+            lab.fit(wide, "mason", patience=60)
 
 
 def test_a_job_that_takes_too_long_is_ended(start_daemon, build: Build) -> None:
