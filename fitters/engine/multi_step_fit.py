@@ -26,6 +26,7 @@ from .parameters.assembly import (
     nominal_parameters,
     priors_of,
     recordings_of,
+    require_constants,
 )
 from .parameters.coordinates import Coordinates
 from .recording import Posterior, Prior, Recording, rms
@@ -85,6 +86,7 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
     if not there:
         raise FitError(f"no recording of any step of build {task.build.name!r} was given")
     refuse_given_twice(there)
+    require_constants(task.build, known if task.build.effects else there)
     coordinates_of(task.build, there, nominal_parameters(task.build), task.free)
     return task.build, there
 

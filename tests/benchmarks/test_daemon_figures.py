@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zmq
-from daemon_fixtures import DISK
 from keyed import unlocked
 
 from pzctl.daemon.client.client import connect
@@ -24,7 +23,7 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 
 AIR = LoadSpec("air", Quantity(413.0))
 PLAN = SweepPlan((Segment(1e6, 6e6, 801),))
-LAYERS = (LayerSpec("disk", "piezo", DISK),)
+LAYERS = (LayerSpec("disk", "piezo", {"thickness": Quantity(5.12e-4, u=1e-6)}),)
 BUILD = Build("bench", Quantity(2e-4), LAYERS, AIR, AIR, (Step("disk", ("disk",)),), plan=PLAN)
 ECHO = "guest_examples:Echo"
 

@@ -23,7 +23,6 @@ import msgspec
 import numpy as np
 import pytest
 import zmq
-from daemon_fixtures import DISK
 from hostile_messages import ENDLESS
 from keyed import unlocked
 
@@ -49,7 +48,7 @@ FLOOD_SECONDS = float(os.environ.get("PZCTL_FLOOD_SECONDS", "2"))
 
 AIR = LoadSpec("air", Quantity(413.0))
 PLAN = SweepPlan((Segment(1e6, 6e6, 801),))
-LAYERS = (LayerSpec("disk", "piezo", DISK),)
+LAYERS = (LayerSpec("disk", "piezo", {"thickness": Quantity(5.12e-4, u=1e-6)}),)
 BUILD = Build("soak", Quantity(2e-4), LAYERS, AIR, AIR, (Step("disk", ("disk",)),), plan=PLAN)
 FLOODER = Path(__file__).with_name("flooder.py")
 ECHO = "guest_examples:Echo"

@@ -1,6 +1,7 @@
-"""Whether a build that a client sent is one that a build file could describe; no file's reader has checked it.
+"""Whether a build that a client sent is one that a device can have; no file's reader has checked it.
 
-Names may be any that can be printed, and the effects are left to the fitters, which know the catalogue.
+Names may be any that can be printed. Effects are left to the fitters, which know the catalogue, and so are constants
+that a program which only measures leaves out.
 """
 
 import math
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 from ....models.build import Build, Quantity
 from .build_parts import check_parts
 from .build_table import BuildError
-from .file_keys import BELOW, LOSS_SIGN, NEEDED, POSITIVE
+from .file_keys import BELOW, LOSS_SIGN, POSITIVE
 from .tied_parameters import resolved
 
 LEAST, MOST = 1e-30, 1e30
@@ -19,11 +20,6 @@ LEAST, MOST = 1e-30, 1e30
 def check_sent_build(build: Build, source: str) -> None:
     """Raise BuildError, which calls the build `source`, for one that contradicts itself or that no device can have."""
     check_parts(build, source)
-    for k, layer in enumerate(build.layers):
-        missing = [name for name in NEEDED[layer.kind] if name not in layer.values]
-        if missing:
-            where = f"{source}: layers[{k}] (of layer {layer.name!r})"
-            raise BuildError(f"{where} has no {missing[0]}; {', '.join(NEEDED[layer.kind])} are needed")
     for where, name, quantity in _quantities(build):
         _check_quantity(f"{source}: {where}", name, quantity)
     resolved(build.layers, source)

@@ -17,6 +17,10 @@ from .known_effects import KnownEffect, known_effects, with_effects
 
 PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
 ELASTIC_CONSTANTS = ("z", "c", "q")
+_NEEDED = {
+    "piezo": ("thickness", "density", *PIEZO_CONSTANTS),
+    "elastic": ("thickness", *ELASTIC_CONSTANTS),
+}
 BOLT_STIFFNESS = "bolt.stiffness"
 UNITS = {
     "stiffness": "N/m",
@@ -131,6 +135,20 @@ def layers_of(build: Build, steps: Iterable[str]) -> tuple[LayerSpec, ...]:
     """Return the layers present in any of these steps, back to front."""
     there = {name for step in steps for name in build.step(step).layers}
     return tuple(layer for layer in build.layers if layer.name in there)
+
+
+def require_constants(build: Build, steps: Iterable[str]) -> None:
+    """Raise TaskError if a layer of these steps lacks a constant of its kind.
+
+    A build file cannot; a program that only measures may leave out what it does not know.
+    """
+    for layer in layers_of(build, steps):
+        missing = [name for name in _NEEDED[layer.kind] if name not in layer.values]
+        if missing:
+            raise TaskError(
+                f"layer {layer.name!r} of build {build.name!r} has no {', '.join(missing)}; a fit needs "
+                f"{', '.join(_NEEDED[layer.kind])}"
+            )
 
 
 def nominal_parameters(build: Build) -> dict[str, float]:

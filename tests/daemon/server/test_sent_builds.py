@@ -42,9 +42,6 @@ NONSENSE: dict[str, Callable[[Build], Build]] = {
     "20000 steps; at most 500 are allowed": lambda b: replace(
         b, steps=tuple(Step(f"s{k}", ("disk",)) for k in range(20_000))
     ),
-    "layers[1] (of layer 'ml1') has no thickness": lambda b: replace(
-        b, layers=(b.layers[0], LayerSpec("ml1", "elastic", {}))
-    ),
     "layers[0].values.thickness.re is -1; a positive": lambda b: with_value(b, "thickness", re=-1.0),
     "layers[0].values.thickness.re is 1e+308; a size": lambda b: with_value(b, "thickness", re=1e308),
     "layers[0].values.c33D.im is -1e+10, a gain": lambda b: with_value(b, "c33D", im=-1e10),
@@ -90,14 +87,19 @@ def test_the_daemon_measures_no_such_build(start_daemon: Callable[..., Location]
         assert lab.measure(build, "disk").sweeps
 
 
-def test_an_effect_that_no_catalogue_has_is_left_to_the_fitter(
+def test_unknown_effects_and_missing_constants_are_left_to_the_fitter(
     start_daemon: Callable[..., Location], build: Build
 ) -> None:
     where = start_daemon(names=("mason",))
+    only_measured = replace(build.layers[0], values={"thickness": build.layers[0].values["thickness"]})
     with connect() as lab:
-        measurement = lab.begin(replace(build, effects=(EffectSpec("x", "terminals", {}),)), "disk")
-        with pytest.raises(FitError, match=r"^effect 'x' is not known; there are "):
-            lab.wait_fit("mason", measurement)
+        for sent, says in (
+            (replace(build, effects=(EffectSpec("x", "terminals", {}),)), r"^effect 'x' is not known; there are "),
+            (replace(build, layers=(only_measured, *build.layers[1:])), r"^layer 'disk' of .* has no density, c33D"),
+        ):
+            measurement = lab.begin(sent, "disk")
+            with pytest.raises(FitError, match=says):
+                lab.wait_fit("mason", measurement)
     log = Path(where.log).with_name("fitter-mason.log")
     assert "Traceback" not in log.read_text(encoding="utf-8")
 
