@@ -46,8 +46,7 @@ def judged(case, said, seconds):
     own, allowed = known_names(case)
     found = {one.effect: one for one in said.findings}
     off = {}
-    reference = np.sqrt(case.frequency[0] * case.frequency[-1])
-    for name, true in zip(NAMES, constants_at(case, reference).real, strict=True):
+    for name, true in zip(NAMES, constants_at(case, case.centre).real, strict=True):
         one = said.final.constants.get(f"disk.{name}")
         if one is not None and one.u_re:
             off[name] = (one.re - true) / one.u_re

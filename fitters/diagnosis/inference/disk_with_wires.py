@@ -264,7 +264,8 @@ def _lawful(
     made = _fitted(base, effects, start)
     if chi2_alone(made) < _of_noise(made.descent.objective.points):
         return made, tuple(effects)
-    law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk))
+    values, _ = made.descent.objective.coordinates.forward(made.descent.x)
+    law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk, values))
     other = replace(base, model=replace(base.model, law=law))
     nominal = plate_of(other)
     again = tuple(

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ....models.base.arrays import Frequencies, Reals
+from ....models.constants.causal import continued
 from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.full import FullDisk
@@ -95,12 +96,13 @@ def robustly_fitted(task: FitTask, progress: Callable[[str], None], jobs: int) -
     coordinates, recordings = _parts(disk, bare, task.free)
     priors = tensor_priors(disk)
     found = robustly_searched(disk, bare, recordings, coordinates, priors, jobs)
-    values, _ = coordinates.forward(found.x)
+    bare, x = _at_resonance(disk, bare, coordinates, found.x)
+    values, _ = coordinates.forward(x)
     checked, error = _checked(disk, full, bare.replace({name: values[name] for name in bare.parameters()}))
     model = replace(checked, loadable=cache(partial(loadable_disk, _ratio(disk), progress, electrode)))
     recordings = [replace(one, model=model) for one in recordings]
     return FittedDisk(
-        disk, model, judged(recordings, coordinates, priors, found.x, False, found.evaluations), error, electrode
+        disk, model, judged(recordings, coordinates, priors, x, False, found.evaluations), error, electrode
     )
 
 
@@ -149,10 +151,27 @@ def _within_reach(disk: BareDisk) -> BareDisk:
     return kept
 
 
-def reference_of(disk: BareDisk) -> float:
-    """Return the reference frequency of the constants in Hz: the geometric mean of the band of all recordings."""
+def reference_of(disk: BareDisk, values: Mapping[str, float]) -> float:
+    """Return the reference frequency of the constants in Hz: the thickness resonance with these model parameters.
+
+    That is where data sheets give them. The next recorded frequency, if it was not recorded.
+    """
+    layer = disk.layer.name
+    stiffness = tensor_of(values, layer).thickness.c33D.real
+    resonance = math.sqrt(stiffness / values[f"{layer}.density"]) / (2 * values[f"{layer}.thickness"])
     low = min(float(sweep.frequency[0]) for sweep in disk.sweeps)
-    return math.sqrt(low * max(float(sweep.frequency[-1]) for sweep in disk.sweeps))
+    return min(max(resonance, low), max(float(sweep.frequency[-1]) for sweep in disk.sweeps))
+
+
+def _at_resonance(disk: BareDisk, model: Disk2D, coordinates: Coordinates, x: Reals) -> tuple[Disk2D, Reals]:
+    """Return model and coordinates of the same causal disk by its constants at its thickness resonance."""
+    values, _ = coordinates.forward(x)
+    reference = reference_of(disk, values)
+    for constant in CONSTANTS:
+        name = f"{disk.layer.name}.{constant}"
+        there, _ = continued(model.law, complex(values[f"{name}.re"], values[f"{name}.im"]), np.array([reference]))
+        values = {**values, f"{name}.re": float(there[0].real), f"{name}.im": float(there[0].imag)}
+    return replace(model, law=CausalConstantQ(reference)), coordinates.inverse(values)
 
 
 def tensor_of(values: Mapping[str, float], layer: str) -> Tensor6mm:
@@ -202,6 +221,7 @@ def _descend(
             made = model, outside
             x, more = _by_random_starts(disk, made, recordings, coordinates, priors, [x], limits, jobs)
             evaluations += more
+    model, x = _at_resonance(disk, model, coordinates, x)
     ends: list[tuple[float, LossLaw, Descent, float]] = []
     for law in (model.law, CONSTANT):
         made = replace(model, law=law), outside
@@ -306,8 +326,8 @@ def _model(disk: BareDisk, reduced: ReducedDisk) -> Disk2D:
     """Return the causal disk with constants of the library and the sizes of the build."""
     layer, sizes = disk.layer.name, {name: q.re for name, q in disk.sizes.items()}
     tensor = tensor_of(starts(disk)[0], layer)
-    law = CausalConstantQ(reference_of(disk))
-    return Disk2D(layer, tensor, sizes["area"], sizes["thickness"], sizes["density"], reduced, law)
+    made = Disk2D(layer, tensor, sizes["area"], sizes["thickness"], sizes["density"], reduced)
+    return replace(made, law=CausalConstantQ(reference_of(disk, made.parameters())))
 
 
 def constants_named(layer: str, tensor: Tensor6mm) -> dict[str, complex]:

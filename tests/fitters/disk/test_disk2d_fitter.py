@@ -61,8 +61,8 @@ def test_a_known_disk_is_recovered_and_undetermined_constants_are_listed():
     _, reduced = reduced_disk(10.0, lambda _: None)
     area = np.pi * diameter**2 / 4
     f = np.concatenate([np.linspace(0.15e6, 0.6e6, 101), np.linspace(1.6e6, 2.6e6, 101)])
-    reference = float(np.sqrt(f[0] * f[-1]))
-    disk = Disk2D("disk", TRUTH, area, thickness, density, reduced, CausalConstantQ(reference))
+    resonance = float(np.sqrt(TRUTH.thickness.c33D.real / density)) / (2 * thickness)
+    disk = Disk2D("disk", TRUTH, area, thickness, density, reduced, CausalConstantQ(resonance))
     rng = np.random.default_rng(1)
     noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
     sweep = Sweep(f, disk.impedance(f) * np.exp(noise))
