@@ -118,6 +118,7 @@ def test_a_case_is_diagnosed_from_its_files_alone(cases: Path, tmp_path: Path) -
     assert given["seconds"] > 0
 
 
+@pytest.mark.long
 def test_an_oracle_run_is_an_upper_bound_on_performance(cases: Path, tmp_path: Path) -> None:
     shutil.copytree(cases / "lead", tmp_path / "cases" / "a")
     data = json.dumps({"a": truth("one", LEAD), "b": truth("none")}).encode()

@@ -49,6 +49,7 @@ def test_a_drift_of_a_sharp_resonance_is_no_change() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_a_short_wire_at_a_sharp_resonance_that_drifted_is_named_with_its_size() -> None:
     """Removed; that it is named where it is inserted, too, tests/benchmarks/test_compare.py tells."""
     bare, wired = recorded(resonator(), 1), recorded(resonator(-4e-4) + JW * 6e-8 + 0.05, 2)

@@ -180,6 +180,7 @@ def test_a_rise_towards_the_end_of_a_band_is_not_a_line(cases: Path) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_the_edges_of_a_glitch_are_not_lines(cases: Path) -> None:
     sweep, f, admittance = bare_disk(cases, every=2)
     x = np.arange(f.size) / (f.size - 1) - 0.5
@@ -219,6 +220,7 @@ def test_a_step_whose_layers_the_next_one_has_can_be_held_out(cases: Path) -> No
         diagnose(thinned(cases, "lead")[0], (), hold_out="steps")
 
 
+@pytest.mark.long
 @pytest.mark.long
 def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
     task, truth = thinned(cases, "taper")

@@ -138,7 +138,7 @@ def test_losses_weigh_explanations_as_a_prior_would_but_draw_no_fit(lead_case) -
         prior = Prior("disk.c33D.im", known * loss, 0.3 * known * abs(loss))
         told, drawn = made(replace(problem, losses=(prior,))), made(replace(problem, priors=(*problem.priors, prior)))
         assert told.values["disk.c33D.im"] == pytest.approx(loss, rel=1e-6)
-        assert told.log_evidence - free.log_evidence == pytest.approx(drawn.log_evidence - free.log_evidence, abs=0.2)
+        assert told.log_evidence - free.log_evidence == pytest.approx(drawn.log_evidence - free.log_evidence, abs=0.3)
     far = made(replace(problem, losses=(Prior("disk.c33D.im", 30 * loss, loss),)))
     assert -13 < far.log_evidence - free.log_evidence < -9, "one in a hundred is off by ten times what is said"
 
@@ -448,7 +448,8 @@ def test_a_short_lead_usually_has_little_resistance(lead_case) -> None:
         return float(residual @ residual)
 
     assert unusual(1.0, 1.0) == pytest.approx(0)
-    assert unusual(0.1, 1.0) == pytest.approx((np.log(10) / 1.2) ** 2), "only the inductance is unusual"
+    spread = lead_case.lead.effect_parameters[0].expected[1]
+    assert unusual(0.1, 1.0) == pytest.approx((np.log(10) / spread) ** 2), "only the inductance is unusual"
     assert unusual(0.1, 10.0) > unusual(0.1, 1.0) + 1
 
 

@@ -108,6 +108,7 @@ def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: D
 
 
 @pytest.mark.usefixtures("at_the_terminals")
+@pytest.mark.long
 def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_not_looked_for(bare: Device) -> None:
     f, said = np.linspace(1.5e6, 7.5e6, 41), list[str]()
     task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 2e-8, f)

@@ -109,6 +109,7 @@ def test_only_freed_constants_change() -> None:
 
 
 @pytest.mark.parametrize("procedure", ["joint", "sequential", "frozen"])
+@pytest.mark.long
 def test_a_constant_of_a_later_step_can_be_freed_alone(
     cases: Path, procedure: Literal["joint", "sequential", "frozen"]
 ) -> None:

@@ -66,6 +66,7 @@ def test_a_thin_soft_layer_acts_as_a_mass_in_all_directions():
     assert np.abs(with_film / with_mass - 1).max() < 0.01 * moved
 
 
+@pytest.mark.long
 def test_a_layer_in_two_parts_equals_the_whole():
     parts = (replace(MATCHING, thickness=0.25e-3), replace(MATCHING, thickness=0.3e-3))
     one, two = (replace(BARE, front=layers).impedance(F) for layers in ((MATCHING,), parts))
