@@ -20,7 +20,7 @@ class Cable(Effect):
     name = "cable"
     stage = Stage.CABLE
     errs_roughly = False
-    odds = 0.5
+    odds = 0.7
     says = "A length of cable between analyzer and device was not compensated."
     separates = "sweep the cable open and shorted at the device's end, or compensate there"
     references = (
@@ -40,7 +40,7 @@ class Cable(Effect):
         pair of wires is a lead.
         """
         return (
-            EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(1e-7, 1.0)),
+            EffectParameter("inductance", "H", typical=2.5e-8, upper=2.5e-5, prior=(5e-8, 1.2)),
             EffectParameter("impedance", "ohm", typical=10.0, lower=40.0, upper=120.0, null=50.0, varies=True),
             EffectParameter("loss", "Np/m", typical=2e-3, upper=1.0, prior=(2e-3, 1.5)),
         )
