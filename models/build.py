@@ -8,6 +8,9 @@ from .base.names import numbered
 from .specification import Specification
 from .sweep_plan import LevelLimits, SweepPlan
 
+NEEDED = {"piezo": ("thickness", "density", "c33D", "h33", "eps33S"), "elastic": ("thickness", "z", "c", "q")}
+"""Constants that a model needs of each kind of layer."""
+
 
 @dataclass(frozen=True)
 class Quantity:

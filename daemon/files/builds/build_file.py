@@ -8,7 +8,7 @@ from typing import Any, Literal, cast
 import msgspec
 
 from ....models.base.errors import PzctlError
-from ....models.build import BoltSpec, Build, LayerSpec, LoadSpec, Quantity, Step
+from ....models.build import NEEDED, BoltSpec, Build, LayerSpec, LoadSpec, Quantity, Step
 from ....models.metadata import MetadataError, check_metadata
 from ....models.specification import SpecificationError
 from ....models.sweep_plan import LevelLimits, PlanError, Segment, SweepPlan
@@ -25,7 +25,6 @@ from .file_keys import (
     LAYER_ENTRIES,
     LOAD_ENTRIES,
     MASS_KEYS,
-    NEEDED,
     PIEZO_KEYS,
     POLED_ENTRIES,
     SAMPLE_ENTRIES,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 from ....models import materials
+from ....models.build import NEEDED
 from ....models.constants.piezo_constants import EPS0
 from ....models.metadata import NUMBER_KEYS, TEXT_KEYS
 from ....models.specification import USUAL_CONFORMANCE
@@ -146,8 +147,6 @@ POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}
 LOSS_SIGN = {"c33D": 1, "c11p": 1, "eps33S": -1, "eps33T": -1, "eps33P": -1, "s11E": -1}
 """Sign of the imaginary part of a passive constant with exp(+jwt): lossy stiffness c (1 + j/Q), permittivity
 eps (1 - j tan d). A value with the other sign was usually copied from a text that uses exp(-jwt)."""
-NEEDED = {"piezo": ("thickness", "density", "c33D", "h33", "eps33S"), "elastic": ("thickness", "z", "c", "q")}
-"""Constants that each kind of layer needs, from the file or from its material."""
 
 
 TOP_ENTRIES = {

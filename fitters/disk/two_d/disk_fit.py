@@ -9,7 +9,6 @@ from typing import TypeAlias
 import numpy as np
 
 from ....models.base.arrays import Frequencies, Reals
-from ....models.constants.causal import continued
 from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.full import FullDisk
@@ -167,10 +166,10 @@ def _at_resonance(disk: BareDisk, model: Disk2D, coordinates: Coordinates, x: Re
     """Return model and coordinates of the same causal disk by its constants at its thickness resonance."""
     values, _ = coordinates.forward(x)
     reference = reference_of(disk, values)
-    for constant in CONSTANTS:
+    (there,) = model.replace({name: values[name] for name in model.parameters()}).over(np.array([reference]))
+    for constant, value in zip(CONSTANTS, there.tolist(), strict=True):
         name = f"{disk.layer.name}.{constant}"
-        there, _ = continued(model.law, complex(values[f"{name}.re"], values[f"{name}.im"]), np.array([reference]))
-        values = {**values, f"{name}.re": float(there[0].real), f"{name}.im": float(there[0].imag)}
+        values = {**values, f"{name}.re": value.real, f"{name}.im": value.imag}
     return replace(model, law=CausalConstantQ(reference)), coordinates.inverse(values)
 
 

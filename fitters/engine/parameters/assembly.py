@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ....models.build import Build, LayerSpec, LoadSpec, Quantity, Step
+from ....models.build import NEEDED, Build, LayerSpec, LoadSpec, Quantity, Step
 from ....models.stack import Bolt, Elastic, HalfSpace, Piezo, Stack
 from ....models.sweep import Sweep
 from ...interface import TaskError
@@ -17,10 +17,6 @@ from .known_effects import KnownEffect, known_effects, with_effects
 
 PIEZO_CONSTANTS = ("c33D", "h33", "eps33S")
 ELASTIC_CONSTANTS = ("z", "c", "q")
-_NEEDED = {
-    "piezo": ("thickness", "density", *PIEZO_CONSTANTS),
-    "elastic": ("thickness", *ELASTIC_CONSTANTS),
-}
 BOLT_STIFFNESS = "bolt.stiffness"
 UNITS = {
     "stiffness": "N/m",
@@ -143,11 +139,11 @@ def require_constants(build: Build, steps: Iterable[str]) -> None:
     A build file cannot; a program that only measures may leave out what it does not know.
     """
     for layer in layers_of(build, steps):
-        missing = [name for name in _NEEDED[layer.kind] if name not in layer.values]
+        missing = [name for name in NEEDED[layer.kind] if name not in layer.values]
         if missing:
             raise TaskError(
                 f"layer {layer.name!r} of build {build.name!r} has no {', '.join(missing)}; a fit needs "
-                f"{', '.join(_NEEDED[layer.kind])}"
+                f"{', '.join(NEEDED[layer.kind])}"
             )
 
 
