@@ -1,5 +1,6 @@
 """A daemon that is killed while it measures may leave a bias on: whoever waits is told, in one sentence."""
 
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,14 +89,13 @@ def test_ctrl_c_before_the_answer_cancels_what_has_begun(build: Build) -> None:
     assert b'"M"' in underway.step.frames[0]
 
 
-def test_the_last_words_of_a_daemon_that_has_ended_are_told(start_daemon) -> None:
-    log = Path(start_daemon().log)
+def test_the_last_words_of_a_daemon_that_has_ended_are_told(start_daemon, end) -> None:
+    where = start_daemon()
 
     def story() -> None:
-        with measure._daemon(None, None, (), None, Console(quiet=True)) as (lab, _):
-            lab.shutdown()
-            log.parent.mkdir(exist_ok=True)
-            log.write_text("2026-11-29 01:23:29,252 INFO measuring\njournal: no room\n", encoding="utf-8")
+        with measure._daemon(None, None, (), None, Console(quiet=True)):
+            end(where.pid, signal.SIGKILL)  # and not by a request, after which it would go on for a moment
+            Path(where.log).write_text("2026-11-29 01:23:29,252 INFO measuring\njournal: no room\n", encoding="utf-8")
             raise DaemonError(GONE)
 
     with pytest.raises(DaemonError) as gone:
