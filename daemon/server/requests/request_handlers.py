@@ -17,7 +17,7 @@ from ....models.build import Build
 from ....models.sweep_plan import PlanError, SweepPlan
 from ...files.builds.build_table import BuildError
 from ...files.builds.sent_build import check_sent_build
-from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement
+from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement, JournalReader
 from ...journal.journal_writer import JournalWriter
 from ...journal.store import JournalError
 from ...journal.stores.event_rows import WITHDRAWN
@@ -250,18 +250,19 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.SweepsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        known = self._known(request.measurement)
-        steps = [step.name for step in self.journal.build(known.id).steps]
-        earlier = (
-            self.journal.latest(known.sample.name, step, known.id) for step in steps[: steps.index(known.sample.step)]
-        )
-        measurements = [*(measurement for measurement in earlier if measurement), known.id]
-        events = [event for measurement in measurements for event in self.journal.sweeps(measurement)]
+        with closing(self.journal.reader()) as journal:  # in another thread: three steps may have sixty megabytes
+            known = _known(journal, request.measurement)
+            steps = [step.name for step in journal.build(known.id).steps]
+            before = steps[: steps.index(known.sample.step)]
+            earlier = (journal.latest(known.sample.name, step, known.id) for step in before)
+            measurements = [*(measurement for measurement in earlier if measurement), known.id]
+            events = [event for measurement in measurements for event in journal.sweeps(measurement)]
         return _events(request.id, events)
 
     @answer.register
     def _(self, request: ask.FitsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        return _events(request.id, self.journal.fits(self._known(request.measurement).id))
+        with closing(self.journal.reader()) as journal:
+            return _events(request.id, journal.fits(_known(journal, request.measurement).id))
 
     @answer.register
     def _(self, request: ask.FitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -276,7 +277,7 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
-            self._refuse_withdrawn(self._known(other))
+            self._refuse_withdrawn(_known(self.journal, other))
         effects = tuple(sorted({*request.effects})) if request.effects else None
         job = WorkerJob(request.measurement, None, effects, request.also, request.propose)
         return self._start_job(request.id, job, diagnosis_version(effects, job.also, job.propose)), []
@@ -289,7 +290,7 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.SubmitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        known = self._known(request.measurement)
+        known = _known(self.journal, request.measurement)
         if client == LOCAL:  # the daemon's own workers may answer as any installed fitter
             self.supervisor.visitors.renew(request.fitter, client)
         else:
@@ -343,7 +344,7 @@ class RequestHandlers:
 
     def _start_job(self, request: str, job: WorkerJob, version: str | None) -> reply.JobAnswer:
         """Start a job on a complete measurement."""
-        known = self._known(job.measurement)
+        known = _known(self.journal, job.measurement)
         self._refuse_withdrawn(known)
         if known.state != "measured":
             raise RequestError("not-measured", f"measurement {known.id!r} is {known.state}; it has no complete sweeps")
@@ -367,7 +368,7 @@ class RequestHandlers:
             )
 
     def _check_decides(self, measurement: str, sample: SampleStep) -> None:
-        of = self._known(measurement).sample
+        of = _known(self.journal, measurement).sample
         if of != sample:
             raise RequestError(
                 "no-such-measurement",
@@ -375,11 +376,13 @@ class RequestHandlers:
                 f"{sample.step!r} can only help to decide one of the same step",
             )
 
-    def _known(self, measurement: str) -> JournalMeasurement:
-        known = self.journal.measurement(measurement)
-        if known is None:
-            raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
-        return known
+
+def _known(journal: JournalReader, measurement: str) -> JournalMeasurement:
+    """Return a measurement. Raises RequestError."""
+    known = journal.measurement(measurement)
+    if known is None:
+        raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
+    return known
 
 
 def asked_for(

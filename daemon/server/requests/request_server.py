@@ -49,8 +49,11 @@ ONCE = (
 )
 """Requests that must not be carried out twice; the others may simply be answered again."""
 
-LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, ask.SamplesRequest)
-"""Requests that wait for something outside the handlers, or that read the whole journal."""
+READING = (ask.SamplesRequest, ask.SweepsRequest, ask.FitsRequest)
+"""Requests that may read a large part of the journal, which other threads do."""
+
+LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, *READING)
+"""Requests that wait for something outside the handlers, or for a reading thread."""
 
 LARGE = ("measure", "submit")
 LARGEST_SMALL = 64 << 10
@@ -82,7 +85,7 @@ class RequestServer:
         self._tasks: set[asyncio.Task[None]] = set()
         self._waiting: Counter[str | None] = Counter()
         """Number of answers that each key waits for."""
-        self._looking = ThreadPoolExecutor(1, "looking")
+        self._looking = ThreadPoolExecutor(2, "looking")  # a list of all samples delays no fitter's sweeps
 
     async def serve(self) -> None:
         """Answer requests until cancelled."""
@@ -138,6 +141,8 @@ class RequestServer:
         self._handlers.metrics.lasted("request", time.monotonic() - began)
         self._unread.answered(descriptor, sum(map(len, answer)))
         self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
+        # Sending may take libzmq's notice of a request that has just come, which is given once: look again.
+        self._coming.get(zmq.EVENTS)
 
     async def _send_later(
         self,
@@ -184,10 +189,8 @@ class RequestServer:
             self._memory.keep(client, request.id, GivenAnswer(digest, outcome), refused=refused)
         return outcome
 
-    async def _arrange(
-        self, request: ask.BenchRequest | ask.LeaseRequest | ask.DiagnoseRequest | ask.SamplesRequest, client: str
-    ) -> list[bytes]:
-        """Answer a request that waits for the bench, the instrument, the catalogue of effects or a reading thread."""
+    async def _arrange(self, request: ask.AnyRequest, client: str) -> list[bytes]:
+        """Answer a `LONG` request, which waits for bench, instrument, catalogue of effects or a reading thread."""
         try:
             if isinstance(request, ask.BenchRequest):
                 on = self._handlers.analyzers.named(request.analyzer, client)
@@ -198,7 +201,7 @@ class RequestServer:
                 return [to_json(answer)]
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._handlers.jobs.effects())
-            if isinstance(request, ask.SamplesRequest):
+            if isinstance(request, READING):
                 loop = asyncio.get_running_loop()
                 answer, more = await loop.run_in_executor(self._looking, self._handlers.answer, request, (), client)
             else:
