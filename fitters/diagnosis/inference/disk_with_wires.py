@@ -11,9 +11,10 @@ from ....models.effects import Added, EffectParameter, find_effect, outside_effe
 from ....models.effects.base.effect import TERMINALS
 from ....models.stack import CONSTANT, CausalConstantQ, Stack
 from ...disk.bare_disk import BareDisk, bare_disk
-from ...disk.two_d.disk_fit import NAME, FittedDisk, fitted_disk, reference_of
+from ...disk.two_d.disk_fit import NAME, FittedDisk, fitted_disk
 from ...disk.two_d.disk_under_diagnosis import plate_of, thinner, with_effects
 from ...disk.two_d.outside import Outside
+from ...disk.two_d.reference import reference_of
 from ...engine.fitted_model import without_effects
 from ...engine.objective import Objective
 from ...engine.on_cores import on_cores
@@ -265,7 +266,8 @@ def _lawful(
     if chi2_alone(made) < _of_noise(made.descent.objective.points):
         return made, tuple(effects)
     values, _ = made.descent.objective.coordinates.forward(made.descent.x)
-    law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference_of(base.disk, values))
+    reference = reference_of(base.disk.sweeps, values, base.model.name)
+    law = CONSTANT if made.model.law != CONSTANT else CausalConstantQ(reference)
     other = replace(base, model=replace(base.model, law=law))
     nominal = plate_of(other)
     again = tuple(

@@ -12,7 +12,6 @@ from dataclasses import replace
 from ....models.constants.passivity import passivity_margin
 from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.training import HIGHEST
-from ....models.stack import CausalConstantQ, LossLaw
 from ...engine.covariance import estimate
 from ...engine.descent import Descent
 from ...engine.fitted_model import FittedModel
@@ -20,9 +19,10 @@ from ...interface import FitResult, FitTask
 from ..bare_disk import BareDisk
 from ..planar_result import Named, planar_answer
 from .determined_constants import undetermined
-from .disk_fit import NAME, ROUNDS, FittedDisk, constants_named, fitted_disk, tensor_of
+from .disk_fit import NAME, ROUNDS, FittedDisk, constants_named, fitted_disk
 from .disk_under_diagnosis import diagnosable
 from .predictions import predictions, sentence
+from .reference import in_words, tensor_of
 from .tensor_start import unusual
 
 _PREDICTED = 0.87
@@ -81,7 +81,7 @@ def disk_result(found: FittedDisk, seconds: float) -> FitResult:
     tensor = tensor_of(descent.objective.coordinates.forward(descent.x)[0], layer)
     says = (
         *([f"Electrodes end at {found.electrode:.4g} of the disk's radius."] if found.electrode < 1 else []),
-        f"Constants{_in_words(found.model.law)}. The reduced model is "
+        f"Constants {in_words(found.model.law)}. The reduced model is "
         f"accurate to {found.error:.1g} of the capacitance (estimated from its residual in the full equations).",
         f"Passivity check passed: the smallest loss tangent is {passivity_margin(tensor.law):.2g} (Holland).",
         *undetermined(descent, layer),
@@ -103,9 +103,3 @@ def _predicting(answer: FitResult, disk: BareDisk, model: Disk2D, descent: Desce
     bands = [(float(sweep.frequency[0]), float(sweep.frequency[-1])) for sweep in disk.sweeps]
     text = sentence(predicted, disk.layer.name, bands)
     return replace(answer, derived={**answer.derived, **predicted}, says=(*answer.says, text))
-
-
-def _in_words(law: LossLaw) -> str:
-    if isinstance(law, CausalConstantQ):
-        return f" at {law.reference / 1e3:.5g} kHz, with causal losses"
-    return " with losses that are the same at all frequencies"

@@ -1,7 +1,7 @@
 """The fit of a disk of finite diameter to the recordings of a bare disk, alone or with effects at its terminals."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import TypeAlias
@@ -29,6 +29,7 @@ from .lateral_search import searched as lateral
 from .misfit_as_noise import at_level, judged, left_of
 from .outside import Outside
 from .reduced_disk_cache import loadable_disk, reduced_disk
+from .reference import at_resonance, reference_of, tensor_of
 from .robust_search import robustly_searched
 from .tensor_coordinates import COORDINATES, tensor_block
 from .tensor_start import drawn_starts, matched, starts, tensor_priors
@@ -150,32 +151,11 @@ def _within_reach(disk: BareDisk) -> BareDisk:
     return kept
 
 
-def reference_of(disk: BareDisk, values: Mapping[str, float]) -> float:
-    """Return the reference frequency of the constants in Hz: the thickness resonance with these model parameters.
-
-    That is where data sheets give them. The next recorded frequency, if it was not recorded.
-    """
-    layer = disk.layer.name
-    stiffness = tensor_of(values, layer).thickness.c33D.real
-    resonance = math.sqrt(stiffness / values[f"{layer}.density"]) / (2 * values[f"{layer}.thickness"])
-    low = min(float(sweep.frequency[0]) for sweep in disk.sweeps)
-    return min(max(resonance, low), max(float(sweep.frequency[-1]) for sweep in disk.sweeps))
-
-
 def _at_resonance(disk: BareDisk, model: Disk2D, coordinates: Coordinates, x: Reals) -> tuple[Disk2D, Reals]:
     """Return model and coordinates of the same causal disk by its constants at its thickness resonance."""
     values, _ = coordinates.forward(x)
-    reference = reference_of(disk, values)
-    (there,) = model.replace({name: values[name] for name in model.parameters()}).over(np.array([reference]))
-    for constant, value in zip(CONSTANTS, there.tolist(), strict=True):
-        name = f"{disk.layer.name}.{constant}"
-        values = {**values, f"{name}.re": value.real, f"{name}.im": value.imag}
-    return replace(model, law=CausalConstantQ(reference)), coordinates.inverse(values)
-
-
-def tensor_of(values: Mapping[str, float], layer: str) -> Tensor6mm:
-    """Return the tensor of model parameters."""
-    return Tensor6mm(*(complex(values[f"{layer}.{c}.re"], values[f"{layer}.{c}.im"]) for c in CONSTANTS))
+    law, tensor = at_resonance(disk.sweeps, values, model.name, model.law)
+    return replace(model, law=law), coordinates.inverse({**values, **tensor})
 
 
 def _parts(disk: BareDisk, model: Disk2D, free: tuple[str, ...] | None) -> tuple[Coordinates, list[Recording]]:
@@ -326,7 +306,7 @@ def _model(disk: BareDisk, reduced: ReducedDisk) -> Disk2D:
     layer, sizes = disk.layer.name, {name: q.re for name, q in disk.sizes.items()}
     tensor = tensor_of(starts(disk)[0], layer)
     made = Disk2D(layer, tensor, sizes["area"], sizes["thickness"], sizes["density"], reduced)
-    return replace(made, law=CausalConstantQ(reference_of(disk, made.parameters())))
+    return replace(made, law=CausalConstantQ(reference_of(disk.sweeps, made.parameters(), layer)))
 
 
 def constants_named(layer: str, tensor: Tensor6mm) -> dict[str, complex]:

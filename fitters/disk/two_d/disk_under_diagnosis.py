@@ -15,9 +15,10 @@ from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Coordinates
 from ...interface import Constant
 from ..planar_result import PLANAR_UNITS, propagated
-from .disk_fit import FittedDisk, constants_named, tensor_of
+from .disk_fit import FittedDisk, constants_named
 from .misfit_as_noise import at_level, judged, left_of
 from .outside import Outside
+from .reference import tensor_of
 from .valley_search import COARSE, thinned
 
 _TOLERANCE, _STILL, _MOST = 1e-5, 0.01, 12

@@ -16,6 +16,7 @@ from ....models.materials import MATERIALS
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior
 from ..bare_disk import BareDisk
+from .reference import parameters_of
 from .tensor_coordinates import LOSSES, TURNS
 
 WIDTHS: Mapping[str, float] = {
@@ -164,7 +165,7 @@ def starts(disk: BareDisk) -> list[dict[str, float]]:
     tensors = [own] if own is not None and _has_coordinates(own) else []
     tensors += [tensor for tensor in library().values() if tensor != own]
     sizes = {disk.size_name(name): q.re for name, q in disk.sizes.items()}
-    return [sizes | _parameters(disk.layer.name, tensor) for tensor in tensors]
+    return [sizes | parameters_of(tensor, disk.layer.name) for tensor in tensors]
 
 
 def drawn_constants(usual: Mapping[str, float], rng: np.random.Generator) -> dict[str, float] | None:
@@ -285,12 +286,3 @@ def _log_C(frequency: Frequencies, impedance: Impedances) -> Complexes:
 def _between(x: Reals, known: Reals, values: Complexes) -> Complexes:
     """Return complex values interpolated linearly."""
     return np.interp(x, known, values.real) + 1j * np.interp(x, known, values.imag)
-
-
-def _parameters(layer: str, tensor: Tensor6mm) -> dict[str, float]:
-    values = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
-    return {
-        f"{layer}.{name}.{part}": number
-        for name, value in values.items()
-        for part, number in (("re", value.real), ("im", value.imag))
-    }

@@ -1,6 +1,5 @@
 """What a fit of a stack in two dimensions starts from: recordings within reach, models of the steps, coordinates."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,6 +16,7 @@ from ....models.stack.loss_laws import LossLaw
 from ....models.stack2d.layers2d import Ceramic2D, Isotropic
 from ....models.stack2d.stack_model import Layer2D, Stack2D, full_section
 from ....models.sweep import Sweep
+from ...disk.two_d.reference import parameters_of, tensor_of
 from ...disk.two_d.tensor_coordinates import COORDINATES
 from ...disk.two_d.tensor_start import ceramic_priors
 from ...engine.multi_step_fit import check_task, refuse_effects
@@ -58,10 +58,9 @@ class StackProblem:
         return next((step for step in self.sweeps if self.build.step(step).layers == (self.disk.name,)), None)
 
     @property
-    def reference(self) -> float:
-        """Reference frequency of the constants in Hz: the geometric mean of the band of all recordings."""
-        every = [sweep.frequency for sweeps in self.sweeps.values() for sweep in sweeps]
-        return math.sqrt(float(min(f[0] for f in every)) * float(max(f[-1] for f in every)))
+    def every_sweep(self) -> list[Sweep]:
+        """The sweeps of all steps."""
+        return [sweep for sweeps in self.sweeps.values() for sweep in sweeps]
 
     def bands(self, step: str) -> list[tuple[float, float]]:
         """Return the ends of each sweep of a step, Hz."""
@@ -122,18 +121,10 @@ def _with_poisson(build: Build) -> Build:
 
 def tensor_values(layer: str, tensor: Tensor6mm) -> dict[str, float]:
     """Return the ten constants of a tensor, and c33D and h33, as model parameters."""
-    own = {name: complex(getattr(tensor, name)) for name in CONSTANTS}
-    own |= {"c33D": tensor.thickness.c33D, "h33": tensor.thickness.h33}
-    return {
-        f"{layer}.{name}.{part}": getattr(z, attribute)
-        for name, z in own.items()
-        for part, attribute in (("re", "real"), ("im", "imag"))
-    }
-
-
-def tensor_of(values: Mapping[str, float], layer: str) -> Tensor6mm:
-    """Return the tensor of model parameters."""
-    return Tensor6mm(*(complex(values[f"{layer}.{c}.re"], values[f"{layer}.{c}.im"]) for c in CONSTANTS))
+    plate, made = tensor.thickness, parameters_of(tensor, layer)
+    for name, z in (("c33D", plate.c33D), ("h33", plate.h33)):
+        made |= {f"{layer}.{name}.re": z.real, f"{layer}.{name}.im": z.imag}
+    return made
 
 
 def nominal(problem: StackProblem, tensor: Tensor6mm) -> dict[str, float]:

@@ -8,9 +8,9 @@ import numpy as np
 from ....models.base.arrays import Reals
 from ....models.constants.passivity import passivity_margin
 from ....models.disk2d.matrices import CONSTANTS
-from ....models.stack.loss_laws import CONSTANT
 from ...disk.planar_result import PLANAR_UNITS, propagated, radial_named
 from ...disk.two_d.determined_constants import undetermined
+from ...disk.two_d.reference import in_words, tensor_of
 from ...disk.two_d.tensor_start import unusual
 from ...engine.covariance import Estimate, estimate
 from ...engine.parameters.assembly import effects_of, layers_of
@@ -20,7 +20,7 @@ from ...interface import Constant, FitResult
 from ...uncertainty.derived import derived_constants
 from ...uncertainty.fit_result import curves_of, fitted_constants, strong_correlations
 from ...uncertainty.identifiability import separability
-from .stack_problem import NAME, tensor_of
+from .stack_problem import NAME
 from .stepwise import FittedStack
 
 _MISFIT = 1.5
@@ -111,10 +111,9 @@ def _radial(found: FittedStack, names: tuple[str, ...], covariance: Reals) -> di
 def _about(found: FittedStack) -> tuple[str, ...]:
     """Return sentences on the model itself."""
     problem, values = found.problem, found.values
-    law = "the same losses at all frequencies" if found.law is CONSTANT else "causal losses"
     tensor = tensor_of(values, problem.disk.name)
     says = [
-        f"Constants at {problem.reference / 1e3:.5g} kHz, with {law}, which describe the first step better. The model "
+        f"Constants {in_words(found.law)}, which describe the first step better. The model "
         f"is accurate to {found.error:.1g} of the capacitance (rms, compared with functions of higher degree).",
         f"Passivity check passed: the smallest loss tangent is {passivity_margin(tensor.law):.2g} (Holland).",
     ]

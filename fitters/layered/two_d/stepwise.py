@@ -13,6 +13,7 @@ from ....models.stack2d.reduction import KEPT
 from ....models.stack2d.stack_model import with_reduced_section
 from ...disk.two_d.lateral_search import Effort, searched
 from ...disk.two_d.misfit_as_noise import at_level, judged, left_of
+from ...disk.two_d.reference import at_resonance, reference_of
 from ...engine.descent import Descent, descend
 from ...engine.objective import Objective
 from ...engine.parameters.assembly import effects_of, layers_of, nominal_parameters, renamed
@@ -70,9 +71,11 @@ def _first(
 ) -> tuple[LossLaw, dict[str, float], int, float]:
     """Return the loss law that describes the first step better, the parameters there, evaluations, and what is left.
 
-    The latter is the misfit over that expected of the noise.
+    The latter is the misfit over that expected of the noise. A causal law and the ceramic are told at the thickness
+    resonance found; other layers have to be fitted once more from where they are.
     """
-    laws: tuple[LossLaw, ...] = (CausalConstantQ(problem.reference), CONSTANT)
+    ceramic = problem.disk.name
+    laws: tuple[LossLaw, ...] = (CausalConstantQ(reference_of(problem.every_sweep, values, ceramic)), CONSTANT)
     coordinates, priors = stack_coordinates(problem, [step], values), stack_priors(problem, [step])
     rough = _few(problem, [step], values, laws[0], _ROUGH)
     exact = [_few(problem, [step], values, law, KEPT) for law in laws]
@@ -86,7 +89,9 @@ def _first(
     x, best, evaluations = searched(rough, exact, coordinates, priors, given, drawn, effort)
     expected = math.sqrt(sum(float(np.sum(2 * one.noise**2)) for one in exact[best]))
     left = left_of(exact[best], coordinates, x) / expected
-    return laws[best], {**values, **coordinates.forward(x)[0]}, evaluations, left
+    found = {**values, **coordinates.forward(x)[0]}
+    law, tensor = at_resonance(problem.every_sweep, found, ceramic, laws[best])
+    return law, {**found, **tensor}, evaluations, left
 
 
 def _further(

@@ -22,7 +22,7 @@ from pzctl.fitters.layered.two_d.stack_problem import (
 )
 from pzctl.fitters.layered.two_d.stack_start import one_dimensional
 from pzctl.models.disk2d.matrices import CONSTANTS
-from pzctl.models.stack.loss_laws import CONSTANT
+from pzctl.models.stack.loss_laws import CONSTANT, CausalConstantQ
 from pzctl.models.stack2d.layers2d import Ceramic2D, Isotropic
 from pzctl.models.stack2d.stack_model import Stack2D, full_section
 from pzctl.models.sweep import Sweep
@@ -97,8 +97,20 @@ def test_a_known_stack_is_recovered(sweeps):
     assert result.constants["disk.c33D"].re == pytest.approx(plate.c33D.real, rel=5e-3)
     assert result.derived["disk.kt"].re == pytest.approx(plate.kt.real, rel=2e-3)
     assert "disk.kp" in result.derived
-    assert any("the same losses at all frequencies" in text for text in result.says)
+    assert any("losses that are the same at all frequencies" in text for text in result.says)
     assert not any("does not describe" in text for text in result.says)
+
+
+def test_causal_constants_are_told_at_the_thickness_resonance():
+    plate = DISK.constants.thickness
+    resonance = float(np.sqrt(plate.c33D.real / DISK.density)) / (2 * DISK.thickness)
+    causal = {"disk": recorded(replace(DISK, law=CausalConstantQ(resonance)))}
+    result = Stack2DFitter().fit(FitTask(parse_build(BUILD, "build.toml"), causal))
+    (said,) = (text for text in result.says if text.startswith("Constants at"))
+    assert float(said.split()[2]) == pytest.approx(resonance / 1e3, rel=1e-3)
+    for name in CONSTANTS:
+        true, found = complex(getattr(DISK.constants, name)), result.constants[f"disk.{name}"]
+        assert abs(found.re - true.real) < 3 * found.u_re, name
 
 
 LEAD = """
