@@ -21,3 +21,11 @@ Complexes: TypeAlias = NDArray[np.complex128]
 def j_omega(frequency: Frequencies) -> Complexes:
     """Return j 2 pi f in 1/s, shape (N,), for frequencies in Hz, shape (N,)."""
     return np.multiply(2j * np.pi, frequency, dtype=np.complex128)
+
+
+def softened(damping: float) -> complex:
+    """Return what multiplies a stiffness that acts at a real frequency f as its own does at f (1 - j damping/2).
+
+    All resonances have a loss tangent that is larger by `damping`, but for its third power.
+    """
+    return 1 / (1 - 0.5j * damping) ** 2

@@ -30,6 +30,8 @@ class Dot:
     """Quality factor of both moduli."""
     poisson: float = 0.36
     """Poisson's ratio."""
+    damping: float = 0.0
+    """See `softened`."""
 
     @property
     def density(self) -> float:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ..base.arrays import Complexes, Frequencies, Impedances, j_omega, softened
 from ..base.face_loads import FACES, Dot
 from ..base.model import Model
 from ..base.names import require
@@ -50,6 +50,8 @@ class Disk2D:
     """The same for the five stiffnesses, if they have another law."""
     dielectric: LossLaw | None = None
     """The same for both permittivities."""
+    damping: float = 0.0
+    """The disk is computed at frequencies f (1 - j damping/2): every loss tangent is larger by this much."""
     rough: bool = False
     """Accurate to a thousandth or so, at half the cost: for a search."""
     loadable: Callable[[], LoadableDisk] | None = field(default=None, compare=False, repr=False)
@@ -107,11 +109,19 @@ class Disk2D:
         if self.loadable is None or where not in FACES:
             raise DiskError(f"disk {self.name!r}: nothing can lie on {where!r} of this model")
         others = tuple(one for one in self.dots if one.where != where)
-        return replace(self, dots=(*others, PlacedDot(where, dot)))
+        return replace(self, dots=(*others, PlacedDot(where, replace(dot, damping=self.damping))))
 
     def over(self, frequency: Frequencies) -> Complexes:
         """Return the ten constants at each frequency in Hz, SI units, shape (N, 10)."""
-        return np.array([continued(self.law_of(c), getattr(self.constants, c), frequency)[0] for c in CONSTANTS]).T
+        own = [continued(self.law_of(c), getattr(self.constants, c), frequency)[0] for c in CONSTANTS]
+        return np.array(own).T * self._softer
+
+    @property
+    def _softer(self) -> Complexes:
+        """What damping makes of each constant, shape (10,): the form is linear in them and in the squared frequency."""
+        stiffness = softened(self.damping)
+        powers = [1.0 if c.startswith("c") else 0.0 if c.startswith("eps") else 0.5 for c in CONSTANTS]
+        return np.array([stiffness**power for power in powers], np.complex128)
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (N,), at frequencies in Hz, shape (N,)."""
@@ -129,7 +139,8 @@ class Disk2D:
         }
         for k, constant in enumerate(CONSTANTS):
             _, chain = continued(self.law_of(constant), getattr(self.constants, constant), frequency)
-            rows |= {f"{self.name}.{constant}.{part}": made.by_constant[:, k] * chain[part] for part in ("re", "im")}
+            by_own = made.by_constant[:, k] * self._softer[k]
+            rows |= {f"{self.name}.{constant}.{part}": by_own * chain[part] for part in ("re", "im")}
         slope = np.array([-rows[name] / C for name in names], np.complex128)
         return 1 / (j_omega(frequency) * C), slope.reshape(len(names), frequency.size)
 

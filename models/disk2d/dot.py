@@ -13,7 +13,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial.legendre import leggauss, legvander
 
-from ..base.arrays import Complexes, Frequencies, Reals
+from ..base.arrays import Complexes, Frequencies, Reals, softened
 from ..base.face_loads import Dot
 from .footprint import rule, stresses
 
@@ -43,7 +43,8 @@ class DotBody:
         """
         squared, base = self._modes
         w = 2 * np.pi * frequency
-        answers = 1 / (squared * (1 + 1j / self.dot.q) - (w**2)[:, None])
+        turned = (1 + 1j / self.dot.q) * softened(self.dot.damping)
+        answers = 1 / (squared * turned - (w**2)[:, None])
         return np.einsum("ki,nk,kl->nil", base, answers, base, optimize=True)
 
     @cached_property

@@ -22,8 +22,8 @@ from ...disk.bare_disk import BareDisk, bare_disk
 from ...disk.two_d.disk2d import disk_result
 from ...disk.two_d.disk_fit import FittedDisk
 from ...disk.two_d.disk_under_diagnosis import diagnosable, thinner
-from ...disk.two_d.robust_search import POINTS
 from ...disk.two_d.tensor_start import implausibility
+from ...disk.two_d.valley_search import FEW
 from ...engine.fitted_model import FittedModel, Seed
 from ...engine.objective import Objective
 from ...engine.recording import Recording
@@ -84,7 +84,7 @@ class DiskTried:
         """
         bare = self.alone
         if self.on_a_face:
-            bare = thinner(bare, POINTS)
+            bare = thinner(bare, FEW)
         elif self.leaves_much:
             bare = thinner(bare)
         objective = bare.descent.objective

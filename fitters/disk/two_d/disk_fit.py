@@ -23,17 +23,16 @@ from ...engine.recording import Posterior, Prior, Recording
 from ...interface import FitError, FitTask, TaskError
 from ..bare_disk import BareDisk, bare_disk
 from ..planar_result import radial_named
-from .broadened import broadened
+from .broadened import Broadening
 from .lateral_search import Effort
 from .lateral_search import searched as lateral
 from .misfit_as_noise import at_level, judged, left_of
 from .outside import Outside
 from .reduced_disk_cache import loadable_disk, reduced_disk
 from .reference import at_resonance, reference_of, tensor_of
-from .robust_search import robustly_searched
 from .tensor_coordinates import COORDINATES, tensor_block
 from .tensor_start import drawn_starts, matched, starts, tensor_priors
-from .valley_search import searched, thinned
+from .valley_search import DAMPING, searched, smoothest, thinned
 
 Known: TypeAlias = Prior | Posterior
 NAME = "disk2d"
@@ -87,23 +86,21 @@ def fitted_disk(
     return FittedDisk(disk, replace(model, law=law), descent, error, electrode)
 
 
-def robustly_fitted(task: FitTask, progress: Callable[[str], None], jobs: int) -> FittedDisk:
-    """Return where the disk probably is if something on its faces changes parts of the band beyond recognition.
+def smoothly_fitted(task: FitTask, progress: Callable[[str], None], jobs: int) -> FittedDisk:
+    """Return where the disk probably is if something on its faces changes single resonances beyond recognition.
 
     Raises as `fitted_disk`. No descent has ended there: it needs what is missing.
     """
     disk, full, bare, electrode = _posed(task, progress)
     coordinates, recordings = _parts(disk, bare, task.free)
     priors = tensor_priors(disk)
-    found = robustly_searched(disk, bare, recordings, coordinates, priors, jobs)
-    bare, x = _at_resonance(disk, bare, coordinates, found.x)
+    x, evaluations = smoothest(disk, bare, recordings, coordinates, priors, jobs)
+    bare, x = _at_resonance(disk, bare, coordinates, x)
     values, _ = coordinates.forward(x)
     checked, error = _checked(disk, full, bare.replace({name: values[name] for name in bare.parameters()}))
     model = replace(checked, loadable=cache(partial(loadable_disk, _ratio(disk), progress, electrode)))
     recordings = [replace(one, model=model) for one in recordings]
-    return FittedDisk(
-        disk, model, judged(recordings, coordinates, priors, x, False, found.evaluations), error, electrode
-    )
+    return FittedDisk(disk, model, judged(recordings, coordinates, priors, x, False, evaluations), error, electrode)
 
 
 def _posed(task: FitTask, progress: Callable[[str], None]) -> tuple[BareDisk, FullDisk, Disk2D, float]:
@@ -238,12 +235,14 @@ def _by_random_starts(
         tensors = drawn_starts(disk, scaled[:_SCALED], coordinates, count, rng)
         return [outside.drawn(x, coordinates.free, rng) for x in tensors]
 
-    def few(device: Disk2D, seen: Sequence[Recording] = recordings) -> list[Recording]:
+    def few(device: Disk2D) -> list[Recording]:
         whole = outside.around(device, outside.start)
-        return [replace(thinned(one, _SEARCHED), model=whole) for one in seen]
+        if device.damping > 0:
+            return [replace(Broadening.of(one).by(device.damping, _SEARCHED), model=whole) for one in recordings]
+        return [replace(thinned(one, _SEARCHED), model=whole) for one in recordings]
 
     exact = [few(replace(model, law=law)) for law in (model.law, CONSTANT)]
-    quick, wide = few(rough), few(rough, list(map(broadened, recordings)))
+    quick, wide = few(rough), few(replace(rough, damping=DAMPING))
     given = [*known, *map(coordinates.inverse, scaled)]
     enough, hopeless = limits
     effort = _WITH_WIRES if outside.added else _ALONE

@@ -17,7 +17,7 @@ from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Posterior, Prior, Recording
 from ...interface import FitError
 from ..bare_disk import BareDisk
-from .broadened import broadened
+from .broadened import Broadening
 from .tensor_start import matched
 
 Known: TypeAlias = Prior | Posterior
@@ -26,11 +26,16 @@ COARSE = 400
 _SEARCH = ((1.0, 10, 10), (0.3, 6, 15), (0.1, 4, 20), (0.03, 2, 20), (0.01, 1, 25))
 _HURRIED = tuple((misfit, max(1, count // 3), most) for misfit, count, most in _SEARCH)
 # Successive misfits that the search counts as noise, the number of places that it follows, and the steps from each.
-_FAR, SAME = 4.0, 0.02
+_FAR, _SAME = 4.0, 0.02
 # Places that cost this many times as much as the best, or are this close to a better one, are dropped.
-ROUGH = 3e-3
-_WIDE = 0.1
-# Misfit from which resonances are broadened: a smaller one tells them from those of a disk with more loss.
+_ROUGH = 3e-3
+_WIDE, DAMPING = 0.1, 0.0125
+# Misfit from which resonances are broadened, and by what loss tangent: together with that of the hardest ceramic it is
+# the usual one of a soft one.
+_MERGED, _SMOOTH = 0.2, ((0.3, 12, 10), (0.1, 8, 10))
+# Loss tangent by which overtones merge, which are a tenth of their frequency apart or less, and the search there.
+FEW = 200
+# Points of each sweep where a curve takes ten times as long, with a dot on a face.
 
 
 def searched(
@@ -52,7 +57,7 @@ def searched(
     places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates, {})]
     coarse = [replace(thinned(recording), model=model) for recording in recordings]
     evaluations = len(places)
-    wide = [replace(thinned(broadened(recording)), model=model) for recording in recordings]
+    wide = broader(recordings, model, DAMPING, COARSE)
     if enough > 0:
         x, more = followed(coarse, coordinates, priors, places, _HURRIED, jobs, wide)
         ratios = Objective(coarse, coordinates, ()).log_ratios(x)
@@ -64,6 +69,30 @@ def searched(
             return x, evaluations
     x, more = followed(coarse, coordinates, priors, places, _SEARCH, jobs, wide)
     return x, evaluations + more
+
+
+def smoothest(
+    disk: BareDisk,
+    model: Disk2D,
+    recordings: Sequence[Recording],
+    coordinates: Coordinates,
+    priors: Sequence[Known],
+    jobs: int = 1,
+) -> tuple[Reals, int]:
+    """Return the bottom of the valley that is left if overtones merge, and the number of evaluations.
+
+    What acts on single resonances, such as a dot on a face, hardly matters there; constants of motion along the disk
+    are near their priors. `jobs`: number of processes.
+    """
+    model = replace(model, rough=True)
+    places: list[Reals] = [coordinates.inverse(start) for start in matched(disk, model, coordinates, {})]
+    return followed(broader(recordings, model, _MERGED, COARSE), coordinates, priors, places, _SMOOTH, jobs)
+
+
+def broader(recordings: Sequence[Recording], model: Disk2D, damping: float, points: int) -> list[Recording]:
+    """Return recordings with broadened resonances, of at most so many points, with the model of a disk damped alike."""
+    damped, wide = replace(model, damping=damping), (Broadening.of(one).by(damping, points) for one in recordings)
+    return [replace(one, model=damped) for one in wide]
 
 
 def followed(
@@ -84,14 +113,10 @@ def followed(
     for misfit, count, most in search:
         seen = wide if wide and misfit >= _WIDE else coarse
         objective = Objective([replace(each, misfit=misfit) for each in seen], coordinates, priors)
-        tried = on_cores([partial(_bottom, objective, x, most) for x in places[:count]], jobs)
+        tried = on_cores([partial(bottom_near, objective, x, most) for x in places[:count]], jobs)
         evaluations += sum(bottom.evaluations for bottom in tried)
-        tried.sort(key=lambda bottom: bottom.cost)
-        places = []
-        for bottom in tried:
-            near = any(np.abs(bottom.x - x).max() < SAME for x in places)
-            if bottom.cost < _FAR * tried[0].cost and not near:
-                places.append(bottom.x)
+        apart = distinct(tried)
+        places = [bottom.x for bottom in apart if bottom.cost < _FAR * apart[0].cost]
     return places[0], evaluations
 
 
@@ -104,8 +129,18 @@ class Bottom:
     evaluations: int
 
 
-def _bottom(objective: Objective, x: Reals, most: int) -> Bottom:
-    end = descend(objective, x, ROUGH, most)
+def distinct(bottoms: Sequence[Bottom]) -> list[Bottom]:
+    """Return these, the deepest first, without those that are close to a deeper one."""
+    kept: list[Bottom] = []
+    for bottom in sorted(bottoms, key=lambda bottom: bottom.cost):
+        if not any(np.abs(bottom.x - other.x).max() < _SAME for other in kept):
+            kept.append(bottom)
+    return kept
+
+
+def bottom_near(objective: Objective, x: Reals, most: int) -> Bottom:
+    """Return where a descent of so many steps at most ends."""
+    end = descend(objective, x, _ROUGH, most)
     return Bottom(end.x, end.cost, end.evaluations)
 
 
