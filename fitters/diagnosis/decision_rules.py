@@ -69,7 +69,7 @@ miss."""
 NEAR = 12.0
 """ln odds within which a hypothesis is kept; anything further behind has a probability below 1e-5."""
 LIKELY = 7.0
-"""ln odds within which a hypothesis is fitted to all points of dense recordings; anything further behind has a
+"""ln odds within which a fit may be continued with all points of dense recordings; anything further behind has a
 probability below 1e-3, and no name depends on it."""
 PARENTS = 3
 """Budget: number of best hypotheses that are extended by one more effect, and from which a conclusion is drawn."""

@@ -21,7 +21,7 @@ from .problem import Problem
 
 _WIDE = ROUGH_LENGTH
 """Largest width of a group in ln f: three quarters of a rough error's variance are common to its points, so that its
-size comes out 14 % too small; what is likely in the end is fitted to all points."""
+size comes out 14 % too small; what is likely in the end is weighed by all points."""
 _FAR = 0.2
 """Largest change of ln Z within a group: over so little of a resonance, derivatives are linear to 1 %."""
 _BIASED = 0.3

@@ -11,7 +11,7 @@ from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal_fit import NEVER, Minimum
 from ...interface import FitError
-from ..decision_rules import BUDGET, CLASS_NATS, HELD_READY, NEAR, POLISHED, RECHECKED, UNFINISHED
+from ..decision_rules import BUDGET, CLASS_NATS, HELD_READY, LIKELY, NEAR, POLISHED, RECHECKED, UNFINISHED
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, computed, end_of, fitted, probabilities, temper_of
 from ..hypotheses.problem import Candidate, Problem
 from .plan import Plan
@@ -216,12 +216,28 @@ class FittedHypotheses:
             raise FitError(f"the recordings cannot be fitted with {names}: the model is not finite near their values")
         return made
 
-    def fit_again(self, problem: Problem, within: float = NEAR) -> None:
-        """Fit the best hypotheses again, to other recordings or with another error model.
+    def fit_again(self, problem: Problem) -> None:
+        """Fit the best hypotheses again, with another error model."""
+        again = self._take_over(problem)
+        # where a fit ended says little of how well it will describe these recordings
+        best = [self.found[one.key] for one in again[:UNFINISHED] if one.key in self.found]
+        near = dict.fromkeys((*best, *self._in_reach(self.ranked)))
+        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
 
-        `within`: ln odds behind the best one up to which a fit is continued there, as those of the best until now are;
-        the others are taken as they are.
+    def weigh_again(self, problem: Problem) -> None:
+        """Weigh the best hypotheses by other recordings of the same device, which say nearly the same.
+
+        Their fits end where they ended, within what the expansion there promises; only where that may count, for the
+        best one, and where evidence counts in full, they are continued.
         """
+        self._take_over(problem)
+        near = self._in_reach(self.ranked, LIKELY)
+        near = [one for one in near if one is self.best or one.fit.promised > 0 or one.fit.sizes.exact]
+        self._fine.update(self.found)
+        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
+
+    def _take_over(self, problem: Problem) -> list[Hypothesis]:
+        """Look at the best hypotheses until now with another problem, that without effects fitted anew; return them."""
         self.problem = problem
         null, again = self.null, [one for one in self.ranked[:RECHECKED] if one.effects]
         sizes = null.fit.sizes, ErrorSizes()
@@ -229,10 +245,7 @@ class FittedHypotheses:
         self.found = {null.key: self._first((after, replace(anew, near=True), anew))}
         for one in again:
             self.take(self._taken_over(one))
-        # where a fit ended says little of how well it will describe these recordings
-        best = [self.found[one.key] for one in again[:UNFINISHED] if one.key in self.found]
-        near = dict.fromkeys((*best, *self._in_reach(self.ranked, within)))
-        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
+        return again
 
     def _taken_over(self, one: Hypothesis) -> Hypothesis | None:
         """Return a hypothesis where its fit ended, with other recordings or another error model.

@@ -12,7 +12,6 @@ from ..decision_rules import (
     FITTED_ASTRAY,
     FITTED_FIRST,
     FITTED_LATER,
-    LIKELY,
     MOST,
     NAMED,
     NEAR,
@@ -55,12 +54,12 @@ class GreedySearch(FittedHypotheses):
     def run(self) -> Hypothesis:
         """Run the complete search; return the most probable hypothesis.
 
-        Dense recordings are condensed; what is likely in the end is fitted to all points.
+        Dense recordings are condensed; what is likely in the end is weighed by all points.
         """
         self._try_each_alone()
         self._extend()
         if self._whole is not None:
-            self.fit_again(replace(self._whole, local=self.problem.local), LIKELY)
+            self.weigh_again(replace(self._whole, local=self.problem.local))
             self.polish()
         return self.probable[0]
 
