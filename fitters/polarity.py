@@ -58,4 +58,4 @@ def put_right(sweeps: Mapping[str, tuple[Sweep, ...]]) -> tuple[dict[str, tuple[
 
 def turned_says(step: str, how: str) -> str:
     """Return the sentence about a recording that was corrected; `how`: `inverted` or `conjugated`."""
-    return f"The recording of {step} is {how}: it was turned round before anything was fitted."
+    return f"The recording of {step} is {how}: fits take it turned round; the file stays as it is."

@@ -108,7 +108,7 @@ def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
             print("; ".join(filter(None, ("pzctl: stopped", str(stop)))), file=sys.stderr)
             raise typer.Exit(130) from None
 
-    kind = Annotated[bool, typer.Option("--quiet", "-q", help="Print only errors and notes on standard error.")]
+    kind = Annotated[bool, typer.Option("--quiet", "-q", help="On standard error, print only errors and notes.")]
     more = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
     known = inspect.signature(command)
     quietly.__signature__ = known.replace(parameters=[*known.parameters.values(), more])  # type: ignore[attr-defined]

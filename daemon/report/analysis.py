@@ -119,8 +119,9 @@ class DiagnosisAnalysis:
         return diagnosis_figure(self.to_json(), diagnosis_curves(self.result), self.build)
 
     def _print(self, console: Console) -> None:
-        print_diagnosis(console, self.to_json())
-        print_constants(console, self.result)
+        shown = self.to_json()
+        print_diagnosis(console, shown)
+        print_constants(console, shown)
 
     def __str__(self) -> str:
         return _text(self._print)

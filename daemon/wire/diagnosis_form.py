@@ -52,10 +52,19 @@ class _Proposal(msgspec.Struct):
     seconds: float
 
 
+class _Constant(msgspec.Struct):
+    re: float | None = None
+    im: float | None = None
+    u_re: float | None = None
+    u_im: float | None = None
+    unit: str = ""
+    free: bool = False
+
+
 class _Side(msgspec.Struct):
     chi2_per_dof: float | None = None
     held_out: float | None = None
-    constants: dict[str, Any] = {}
+    constants: dict[str, _Constant] = {}
 
 
 class _Diagnosis(msgspec.Struct):

@@ -261,6 +261,8 @@ def strange(build: Build, piezo: LayerSpec, constants: Mapping[str, Constant]) -
         ratio = fitted.re / sheet.re
         outlier = f"{piezo.name}.{name} comes out at {ratio:.2f} times what the data sheet of {piezo.material} says"
         explained = f"{_explained(build, piezo, what, ratio)} would explain it"
+        if what == "thickness":
+            explained += ", if no other value of the build is wrong and the band holds no radial modes"
         far = max(ratio, 1 / ratio) > _ANOTHER.get(name, np.inf)
         if far and piezo.values[name].source != "build.toml":
             raise FitError(

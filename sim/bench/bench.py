@@ -74,8 +74,8 @@ class Bench:
         order = self.sample.steps
         if order.index(step) < order.index(self.step):
             raise BenchError(
-                f"bench: the device is at step {self.step!r} and glue does not come off; "
-                f"a bare disk is had by the command new-sample, {step!r} is not had again"
+                f"bench: the device is at step {self.step!r} and glue does not come off, so {step!r} is over; "
+                "the bench's command new-sample puts in another bare disk"
             )
         self.step, self.content = step, "device"
 

@@ -135,7 +135,7 @@ def diagnose(
         print(json.dumps(shown_diagnosis))
     else:
         print_diagnosis(console(), shown_diagnosis)
-        print_constants(console(), diagnosis)
+        print_constants(console(), shown_diagnosis)
     if build is not None and learn and diagnosis.effects:
         append_effects(build, diagnosis.effects)
         names = ", ".join(f"{one.effect} at {one.where}" for one in diagnosis.effects)

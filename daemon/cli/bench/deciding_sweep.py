@@ -44,7 +44,7 @@ class Diagnoser:
         No sweep is proposed for effects alone for which one was made already: it would not decide more.
         Raises FitError if the step cannot be diagnosed, DaemonError.
         """
-        from ...report.tables.diagnosis_output import print_diagnosis
+        from ...report.tables.diagnosis_output import print_constants, print_diagnosis
 
         measured: list[dict[str, Any]] = []
         asked: set[str] = set()
@@ -61,6 +61,8 @@ class Diagnoser:
                 break
             measured += [self._measured(step, measurement, proposal) for proposal in agreed]
             asked.update(*map(_effects, agreed))
+        if diagnosis["findings"] and diagnosis["final"].get("constants"):
+            print_constants(self.console, diagnosis)
         picture = self._picture(step, measurement)
         return diagnosis | {"step": step, "measurement": measurement, "decided_by": measured, "picture": picture}
 

@@ -97,6 +97,7 @@ def _plain(step_record: "StepRecord", build: "Build", fitter: str | None, drawin
 
 
 def _print(screen: "Console", record: "SampleRecord", step_record: "StepRecord", fitter: str | None) -> None:
+    from ...report.tables.diagnosis_output import constants_table
     from ...report.tables.fit_tables import print_fit
 
     points = sum(sweep.frequency.size for sweep in step_record.sweeps)
@@ -117,5 +118,8 @@ def _print(screen: "Console", record: "SampleRecord", step_record: "StepRecord",
     if not fits and not step_record.refusals:
         screen.print("no fit yet; `pzctl fit --all` makes them", highlight=False)
     if step_record.diagnosis is not None:
-        for sentence in step_record.diagnosis.diagnosis.get("says", ()):
+        diagnosis = step_record.diagnosis.diagnosis
+        for sentence in diagnosis.get("says", ()):
             screen.print(f"- {sentence}", highlight=False, markup=False)
+        if diagnosis.get("findings") and diagnosis["final"].get("constants"):
+            screen.print(constants_table(diagnosis))

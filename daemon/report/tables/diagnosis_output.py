@@ -92,20 +92,31 @@ def print_diagnosis(console: Console, diagnosis: Mapping[str, Any]) -> None:
     console.print(seconds, highlight=False)
 
 
-def print_constants(console: Console, diagnosis: Diagnosis) -> None:
-    """Print the constants without and with the findings, then the sentences about their uncertainties."""
-    named = any(finding.effect not in ("unknown", "polarity") for finding in diagnosis.findings)
+def print_constants(console: Console, diagnosis: Mapping[str, Any]) -> None:
+    """Print the constants of a diagnosis (the object of `diagnosis_json`), and what is said of their uncertainties."""
+    console.print(constants_table(diagnosis))
+    for sentence in diagnosis["says"][1 + len(diagnosis["findings"]) :]:
+        console.print(sentence, highlight=False)
+
+
+def constants_table(diagnosis: Mapping[str, Any]) -> UnbrokenTable:
+    """Return the constants without and with the findings of a diagnosis."""
+    named = any(finding["effect"] not in ("unknown", "polarity") for finding in diagnosis["findings"])
     columns = ("constant", *(("without the findings",) if named else ()), "with them" if named else "fitted", "unit")
     table = UnbrokenTable(*columns, title="Constants")
-    for name, after in diagnosis.final.constants.items():
-        before = diagnosis.baseline.constants.get(name)
-        if after.free:
+    for name, after in diagnosis["final"]["constants"].items():
+        before = diagnosis["baseline"]["constants"].get(name)
+        if after.get("free"):
             sides = (before, after) if named else (after,)
-            values = (complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im) if c else "" for c in sides)
-            table.add_row(name, *values, after.unit)
-    console.print(table)
-    for sentence in diagnosis.says[1 + len(diagnosis.findings) :]:
-        console.print(sentence, highlight=False)
+            table.add_row(name, *(_constant(side) if side else "" for side in sides), after.get("unit", ""))
+    return table
+
+
+def _constant(told: Mapping[str, Any]) -> str:
+    """Return a constant with its uncertainty; an infinite or missing number is None in a message."""
+    if told.get("re") is None:
+        return "infinite"
+    return complex_with_uncertainty(told["re"], told.get("im") or 0.0, told.get("u_re"), told.get("u_im"))
 
 
 def _findings_table(findings: Sequence[Mapping[str, Any]]) -> UnbrokenTable:

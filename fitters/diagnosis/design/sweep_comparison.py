@@ -48,9 +48,9 @@ class SweepComparison:
     def says(self) -> str:
         """The result as a sentence."""
         if not self.differs:
-            return f"{self.changed}: the same to within noise."
+            return f"{self.changed}: the two recordings agree to within noise."
         moved = "" if self.shift is None else f"; resonance moved by {1e6 * self.shift:+.3g} ppm"
-        return f"{self.changed}: not the same ({np.sqrt(self.excess):.3g} times the noise){moved}."
+        return f"{self.changed}: the two recordings differ by {np.sqrt(self.excess):.3g} times the noise{moved}."
 
 
 def compared(own: Sequence[Sweep], others: Sequence[Sweep]) -> tuple[SweepComparison, ...]:

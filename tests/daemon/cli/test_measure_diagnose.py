@@ -111,6 +111,22 @@ def test_with_consent_each_effect_gets_one_sweep_and_all_sweeps_are_diagnosed_to
     assert lab.diagnosed == diagnosed
 
 
+def test_constants_without_and_with_what_was_found_are_printed(build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(diagnosis_output, "print_diagnosis", lambda _console, _diagnosis: None)
+    monkeypatch.setattr(Diagnoser, "_picture", lambda _self, _step, _measurement: "")
+    before, after = (
+        {"constants": {"disk.eps33S": {"re": re, "im": 0.0, "u_re": 1e-12, "u_im": None, "unit": "F/m", "free": True}}}
+        for re in (7.6e-9, 7.5e-9)
+    )
+    finding = {"effect": "stray-capacitance", "where": "terminals", "alternatives": []}
+    told = {"says": ["A.", "B."], "findings": [finding], "baseline": before, "final": after}
+    console = Console(record=True, width=100)
+    lab = SimpleNamespace(diagnose=lambda _measurement, also, propose: told)
+    Diagnoser(lab, build, console, lambda *_: None, yes=False).step("disk", "m")  # type: ignore[arg-type,return-value]
+    (row,) = (line for line in console.export_text().splitlines() if "disk.eps33S" in line)
+    assert [re.sub(r"\(.*", "", part) for part in re.findall(r"7\.\S+", row)] == ["7.6000", "7.5000"]
+
+
 def test_a_proposed_sweep_is_not_measured_without_consent(start_daemon, tmp_path: Path) -> None:
     start_daemon(simulator={"hidden": {"stray-capacitance": 5e-12}, "jig": "ideal"})
     done = measured(tmp_path)

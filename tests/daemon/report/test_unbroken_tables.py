@@ -115,9 +115,8 @@ def table(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Pr
             return lambda screen: print_population(screen, statistics)
         case "diagnosis" | "constants" as kind:
             diagnosis: Diagnosis = request.getfixturevalue("diagnosis")
-            if kind == "constants":
-                return lambda screen: print_constants(screen, diagnosis)
-            return lambda screen: print_diagnosis(screen, diagnosis_json(diagnosis))
+            told = diagnosis_json(diagnosis)
+            return lambda screen: (print_constants if kind == "constants" else print_diagnosis)(screen, told)
         case "many":
             return lambda screen: print_many(screen, MANY)
         case "effects":

@@ -129,9 +129,9 @@ def test_another_level_is_proposed_where_it_decides(told: tuple[FitTask, Diagnos
 def test_recordings_are_compared_without_a_model() -> None:
     low = swept(Conditions(level_V=0.1), 2, oscillator_V=0.1)
     same, other, band = compared([swept()], [swept(seed=3), low, swept(seed=4, f=np.linspace(3.5e6, 6e6, 301))])
-    assert same.says == "repeated: the same to within noise."
+    assert same.says == "repeated: the two recordings agree to within noise."
     assert other.differs
-    assert other.says.startswith("0.1 V instead of 0.5 V: not the same")
+    assert other.says.startswith("0.1 V instead of 0.5 V: the two recordings differ by ")
     assert other.shift is not None
     assert 3e-6 < other.shift < 3e-5, "at the lower level it is stiffer"
     assert band.excess < 1.5, "where both were recorded they agree"
