@@ -6,10 +6,13 @@ from .store import JournalError, Place, Store
 from .stores.folder_store import FolderStore
 
 
-def open_store(place: Place, *, write: bool) -> Store:
-    """Open a journal; for writing, make its tables or migrate them to this version. Raises JournalError."""
+def open_store(place: Place, *, write: bool, again: bool = False) -> Store:
+    """Open a journal; for writing, make its tables or migrate them to this version. Raises JournalError.
+
+    `again`: this process has it open already; its files are then not checked, see `JournalReader.reader`.
+    """
     if isinstance(place, Path):
-        return FolderStore(place, write=write)
+        return FolderStore(place, write=write, unchecked=again)
     try:
         from .stores.postgres_store import PostgresStore
     except ModuleNotFoundError as error:

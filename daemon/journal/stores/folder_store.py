@@ -32,7 +32,10 @@ class FolderStore(Store):
     """A journal's folder. A writer must hold the lock of `folder_lock`."""
 
     def __init__(self, folder: Path, *, write: bool, unchecked: bool = False) -> None:
-        """Open the folder; `unchecked` allows a new database beside existing arrays, which only a repair may make."""
+        """Open the folder; with `unchecked`, the database's file is opened by SQLite only.
+
+        That allows a new database beside existing arrays, which only a repair may make.
+        """
         self.name = str(folder)
         self._folder = folder
         self._patience = PATIENCE

@@ -1,6 +1,7 @@
 """The journal: every announced event is on disk, complete, once, in order, and only one daemon writes it."""
 
 import sqlite3
+import subprocess
 import sys
 import time
 import uuid
@@ -97,6 +98,19 @@ def test_one_writes_and_many_read(journal: JournalWriter, tmp_path: Path) -> Non
     reader.close()
     journal.close()
     assert not is_written(tmp_path / "journal")
+
+
+def test_reading_in_the_same_process_keeps_the_lock_of_the_database(journal: JournalWriter, tmp_path: Path) -> None:
+    """Another program that closes the database would remove its log, with all that is written from then on."""
+    count = "import sqlite3, sys; db = sqlite3.connect(sys.argv[1]); "
+    count += "print(db.execute('SELECT count(*) FROM events').fetchone()[0]); db.close()"
+    another = [sys.executable, "-c", count, tmp_path / "journal" / "journal.sqlite"]
+    journal.append(StateEvent(state="one"))
+    journal.reader().close()
+    seen = [subprocess.check_output(another, text=True).strip()]
+    journal.append(StateEvent(state="two"))
+    seen.append(subprocess.check_output(another, text=True).strip())
+    assert seen == ["1", "2"]
 
 
 def test_the_remains_of_an_interrupted_write_are_removed(journal: JournalWriter, build: Build, tmp_path: Path) -> None:
