@@ -43,6 +43,19 @@ class _Reader:
     """Time when it last read something."""
 
 
+class Connection:
+    """A connection at the time when a request came from it; the descriptor may belong to another one later."""
+
+    def __init__(self, handle: int) -> None:
+        self._handle = handle
+        self._link = _link(handle)
+
+    @property
+    def handle(self) -> int:
+        """Its descriptor, or -1 if it has ended."""
+        return self._handle if _link(self._handle) == self._link else -1
+
+
 class UnreadAnswers:
     """Counts the unacknowledged bytes of answers to each connection; on other systems none."""
 
@@ -53,7 +66,7 @@ class UnreadAnswers:
 
     def answered(self, handle: int, size: int) -> None:
         """Record an answer to the connection with this descriptor."""
-        if size < LITTLE:
+        if size < LITTLE or handle < 0:
             return
         self._handles.add(handle)
         if len(self._readers) > MOST_KNOWN:

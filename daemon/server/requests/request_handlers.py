@@ -242,7 +242,7 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.SamplesRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         by_sample: dict[str, list[reply.MeasuredStep]] = {}
-        with closing(self.journal.reader()) as journal:  # this runs in another thread, as it may read all of it
+        with self._reading() as journal:  # this runs in another thread, as it may read all of it
             for history in journal.histories(request.name):
                 by_sample.setdefault(history.measurement.sample.name, []).append(_measured(history))
         samples = tuple(reply.SampleHistory(name, tuple(steps)) for name, steps in by_sample.items())
@@ -250,7 +250,7 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.SweepsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        with closing(self.journal.reader()) as journal:  # in another thread: three steps may have sixty megabytes
+        with self._reading() as journal:  # in another thread: three steps may have sixty megabytes
             known = _known(journal, request.measurement)
             steps = [step.name for step in journal.build(known.id).steps]
             before = steps[: steps.index(known.sample.step)]
@@ -261,7 +261,7 @@ class RequestHandlers:
 
     @answer.register
     def _(self, request: ask.FitsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
-        with closing(self.journal.reader()) as journal:
+        with self._reading() as journal:
             return _events(request.id, journal.fits(_known(journal, request.measurement).id))
 
     @answer.register
@@ -307,6 +307,12 @@ class RequestHandlers:
         self.audit(asked_for(request, client, "shutdown"))
         self.shutdown()
         return reply.Answer(id=request.id), []
+
+    @contextmanager
+    def _reading(self) -> Generator[JournalReader]:
+        """Open the journal in another thread; while this one goes on writing, all that is read is of one moment."""
+        with closing(self.journal.reader()) as journal, journal.store.snapshot():
+            yield journal
 
     def audit(self, event: StateEvent) -> None:
         """Publish who requested an action that is carried out whether or not the journal can keep the event.

@@ -22,7 +22,7 @@ from ...wire.frames import LARGEST_FRAME, MOST_FRAMES, WireError, from_json, fro
 from ...wire.request_names import check_names
 from ..access.access_control import AccessControl
 from ..access.connection_guard import ConnectionGuard
-from ..access.unread_answers import UnreadAnswers
+from ..access.unread_answers import LITTLE, Connection, UnreadAnswers
 from ..analyzers.served_analyzers import ServedAnalyzer
 from .answer_memory import AnswerMemory, GivenAnswer, Said
 from .request_errors import RequestError
@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 
 AT_ONCE = 100
 """Greatest number of a client's requests that wait for their answers; further long ones of this client are refused."""
+
+READ_AT_ONCE = 1000
+"""The same for requests that read the journal: programs may ask for many measurements at the same time."""
 
 TURN = 0.002
 """Seconds of answering after which other tasks get their turn. After 2 ms with invalid messages the server pauses for
@@ -83,9 +86,12 @@ class RequestServer:
         self._unread = UnreadAnswers()
         self._memory = AnswerMemory()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._reading: dict[tuple[str, bytes], asyncio.Future[list[bytes]]] = {}
+        """The answers that are being read, by client and hash of the request: one that is sent again is read once."""
         self._waiting: Counter[str | None] = Counter()
         """Number of answers that each key waits for."""
-        self._looking = ThreadPoolExecutor(2, "looking")  # a list of all samples delays no fitter's sweeps
+        self._listing = ThreadPoolExecutor(1, "listing")  # lists of all samples delay no fitter's sweeps
+        self._looking = ThreadPoolExecutor(1, "looking")
 
     async def serve(self) -> None:
         """Answer requests until cancelled."""
@@ -118,7 +124,8 @@ class RequestServer:
             self._send(envelope, answer, began, descriptor)
         else:
             self._waiting[key] += 1
-            task = asyncio.create_task(self._send_later(envelope, answer, began, descriptor, key))
+            later = self._send_later(envelope, answer, began, Connection(descriptor), _id_of(frames), key)
+            task = asyncio.create_task(later)
             self._tasks.add(task)  # the event loop keeps only a weak reference
             task.add_done_callback(self._tasks.discard)
         return True
@@ -149,11 +156,17 @@ class RequestServer:
         envelope: Sequence[bytes],
         answer: "asyncio.Future[list[bytes]]",
         began: float,
-        descriptor: int,
+        connection: Connection,
+        request: str | None,
         key: str | None,
     ) -> None:
+        """Send an answer once it is there; not a large one if too many that were made meanwhile are still unread."""
         try:
-            self._send(envelope, await answer, began, descriptor)
+            says = await answer
+            descriptor = connection.handle
+            if sum(map(len, says)) >= LITTLE and (waiting := self._unread.too_much(descriptor)):
+                says = self._why_not(request, _unread(waiting))
+            self._send(envelope, says, began, descriptor)
         finally:
             self._waiting[key] -= 1
 
@@ -165,7 +178,7 @@ class RequestServer:
         except Exception as error:  # whatever reading a message raises, the next one must be answered
             return self._why_not(_id_of(frames), error)
         digest = hashlib.sha256(b"".join(frames)).digest()
-        full = self._waiting[key] >= AT_ONCE
+        full = self._waiting[key] >= (READ_AT_ONCE if isinstance(request, READING) else AT_ONCE)
         if (given := self._memory.given(client, request.id)) is not None:
             if given.digest != digest:
                 return self._why_not(request.id, _id_in_use(request.id))
@@ -176,7 +189,7 @@ class RequestServer:
         if isinstance(request, LONG) and full:
             outcome, refused = self._why_not(request.id, _busy()), True
         elif isinstance(request, LONG):
-            outcome = asyncio.ensure_future(self._arrange(request, client))
+            outcome = self._later(request, client, digest)
         else:
             try:
                 answer, more = self._handlers.answer(request, frames[1:], client)
@@ -188,6 +201,15 @@ class RequestServer:
         if isinstance(request, ONCE):
             self._memory.keep(client, request.id, GivenAnswer(digest, outcome), refused=refused)
         return outcome
+
+    def _later(self, request: ask.AnyRequest, client: str, digest: bytes) -> "asyncio.Future[list[bytes]]":
+        """Return the answer to a `LONG` request; if the same one is being read for this client already, that one."""
+        if not isinstance(request, READING):
+            return asyncio.ensure_future(self._arrange(request, client))
+        if (asked := (client, digest)) not in self._reading:
+            self._reading[asked] = asyncio.ensure_future(self._arrange(request, client))
+            self._reading[asked].add_done_callback(lambda _: self._reading.pop(asked))
+        return self._reading[asked]
 
     async def _arrange(self, request: ask.AnyRequest, client: str) -> list[bytes]:
         """Answer a `LONG` request, which waits for bench, instrument, catalogue of effects or a reading thread."""
@@ -202,8 +224,9 @@ class RequestServer:
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._handlers.jobs.effects())
             if isinstance(request, READING):
+                thread = self._listing if isinstance(request, ask.SamplesRequest) else self._looking
                 loop = asyncio.get_running_loop()
-                answer, more = await loop.run_in_executor(self._looking, self._handlers.answer, request, (), client)
+                answer, more = await loop.run_in_executor(thread, self._handlers.answer, request, (), client)
             else:
                 answer, more = self._handlers.answer(request, (), client)
             if isinstance(request, ask.LeaseRequest) and request.lease is None:  # nothing is measured, so this is soon
