@@ -35,6 +35,16 @@ SESSION = (
 """Settings of a writing connection: a lost server gives an error within seconds, a lost writer's locks are released
 within half a minute, and committed transactions are on disk."""
 
+WATCHED: dict[str, Any] = {
+    "connect_timeout": 10,
+    "tcp_user_timeout": 4000,
+    "keepalives_idle": 5,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+}
+"""Settings of every connection on this side: waiting for an answer ends some ten seconds after its server has gone;
+by itself the system would notice it after two hours."""
+
 
 class PostgresStore(Store):
     """A journal in the database at a URL such as `postgresql://pzctl@lab-server/pzctl`."""
@@ -44,7 +54,7 @@ class PostgresStore(Store):
         self._streams = 0
         _check_url(url, self.name)
         try:
-            self._db = psycopg.connect(url, autocommit=True, connect_timeout=10, tcp_user_timeout=4000)
+            self._db = psycopg.connect(url, autocommit=True, **WATCHED)
         except psycopg.Error as error:
             raise JournalAway(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
         try:
