@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 from collections.abc import AsyncIterator, Callable
 from typing import Any
 
@@ -13,6 +14,8 @@ from ..client.async_client import connect_async
 from ..wire.events import ReceivedEvent
 from ..wire.replies import MissingEvents
 from .page_json import event_json
+
+log = logging.getLogger(__name__)
 
 WAITING = 500
 """Greatest number of events that wait for a page; a slower page is disconnected and reconnects by itself."""
@@ -72,8 +75,14 @@ class EventStream:
                     async for received in events:
                         self._spread(await asyncio.to_thread(_text, received))
             except PzctlError as error:
-                self._say({"kind": "daemon", "there": False, "says": str(error)})
-                await asyncio.sleep(AGAIN)
+                says = str(error)
+            except Exception as error:  # whatever one event raises, the pages must hear the next ones
+                log.exception("events")
+                says = f"a defect of pzctl, see the page's log: {error!r}"
+            else:
+                continue
+            self._say({"kind": "daemon", "there": False, "says": says})
+            await asyncio.sleep(AGAIN)
 
     def _say_missing(self, missing: MissingEvents) -> None:
         self._say({"kind": "missing", "says": missing.sentence})

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import CancelledError, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from threading import Lock
@@ -34,7 +34,7 @@ class WorkerProcess:
             pool = self._pool = self._pool or _new_pool()
         try:
             return pool.submit(work, *arguments, **options).result(PATIENCE)
-        except (BrokenProcessPool, TimeoutError):
+        except (BrokenProcessPool, TimeoutError, CancelledError):  # cancelled: another question took too long
             with self._lock:
                 self._pool = None if self._pool is pool else self._pool
             _end(pool)
