@@ -185,7 +185,8 @@ class AsyncClient:
                 request = addressee(frames, self._waiting)
             except WireError as error:
                 for answered in self._waiting.values():
-                    answered.set_exception(error)
+                    if not answered.done():
+                        answered.set_exception(error)
                 continue
             if request is not None and not self._waiting[request].done():
                 self._waiting[request].set_result(frames)

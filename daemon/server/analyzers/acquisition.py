@@ -147,6 +147,7 @@ class Acquisition:
         self._ready = ready
         self._annotated = annotated
         self._more = asyncio.Event()
+        self._ending = False
 
     @property
     def is_busy(self) -> bool:
@@ -163,6 +164,8 @@ class Acquisition:
 
     def add(self, job: MeasurementJob) -> None:
         """Put a job into the queue, behind those of a higher priority; among equals, clients take turns."""
+        if self._ending:
+            job.cancelled.set()
         self.waiting.insert(self._place(job), job)
         self._more.set()
 
@@ -205,7 +208,8 @@ class Acquisition:
             self._state(job, "cancelled", BEFORE_IT_BEGAN)
 
     def cancel_all(self) -> None:
-        """Cancel the running job and all that wait."""
+        """Cancel the running job and all that wait, and those that come from now on: the daemon ends."""
+        self._ending = True
         for job in (self.current, *self.waiting):
             if job is not None:
                 job.cancelled.set()
@@ -229,7 +233,7 @@ class Acquisition:
         self._state(job, "measuring")
         try:
             sweeps = await self._analyzer.measure(job, self._reporter(job))
-            self._announce(job, tuple(map(self._annotated, sweeps)))
+            await self._announce(job, tuple(map(self._annotated, sweeps)))
         except Cancelled as error:
             self._state(job, "cancelled", str(error))
         except JournalError:
@@ -242,8 +246,10 @@ class Acquisition:
         else:
             self._state(job, "measured-aside" if job.decides else "measured", f"{len(sweeps)} sweep(s)")
 
-    def _announce(self, job: MeasurementJob, sweeps: tuple[Sweep, ...]) -> None:
+    async def _announce(self, job: MeasurementJob, sweeps: tuple[Sweep, ...]) -> None:
+        """Publish the sweeps; other tasks get a turn before each, as hundreds take the disk seconds, but none after."""
         for k, sweep in enumerate(sweeps, start=1):
+            await asyncio.sleep(0)
             columns, payload = sweep_columns(sweep)
             event = SweepEvent(
                 id=uuid7(),

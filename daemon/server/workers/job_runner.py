@@ -88,8 +88,8 @@ class JobRunner:
         return True
 
     async def effects(self) -> frozenset[str]:
-        """Return the names of all effects; those of the catalogue are looked up only once."""
-        if self._effects is None:
+        """Return the names of all effects; those of the catalogue are looked up until it succeeds."""
+        if self._effects is None or (self._effects.done() and self._effects.exception() is not None):
             self._effects = asyncio.create_task(asyncio.to_thread(_effects))
         own = await asyncio.to_thread(lambda: {file.stem for file in user_effects_folder(self.home).glob("*.toml")})
         return await asyncio.shield(self._effects) | own

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable
 
+from ...journal.stores.event_rows import WITHDRAWN
 from ...wire.events import DiagnosisEvent, Event, FitEvent, StateEvent
 
 
@@ -21,6 +22,9 @@ class PendingResults:
                 if not waiting:
                     self._since[fitter] = self._clock()
                 waiting[event.measurement] = None
+        elif isinstance(event, StateEvent) and event.state == WITHDRAWN and event.measurement:
+            for waiting in self._open.values():  # it takes no answers any more
+                waiting.pop(event.measurement, None)
         elif isinstance(event, FitEvent | DiagnosisEvent) and event.fitter in self._open:
             self._open[event.fitter].pop(event.measurement, None)
             self._since[event.fitter] = self._clock()

@@ -55,6 +55,9 @@ def test_pending_results_list_the_fitter_and_the_start_time() -> None:
     assert (ledger.first("a"), ledger.waited("a", began=0.0)) == ("m2", 1.0)
     assert (ledger.first("b"), ledger.waited("b", began=0.0)) == ("m1", 5.0)
     assert (ledger.first("stranger"), ledger.waited("stranger", 0.0)) == (None, 0.0)
+    ledger.note(StateEvent(state="withdrawn", measurement="m2"))
+    assert ledger.first("a") is None, "it takes no answers any more"
+    assert ledger.first("b") == "m1"
 
 
 def test_a_repeated_hello_is_published_once(start_daemon) -> None:
