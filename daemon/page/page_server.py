@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
 import msgspec
+from anyio import CapacityLimiter, to_thread
 from starlette.applications import Starlette
-from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -52,6 +52,10 @@ T = TypeVar("T", bound=msgspec.Struct)
 A = TypeVar("A")
 
 STATIC = Path(__file__).with_name("static")
+SLOW = ("/api/diagnose", "/api/look", "/api/fit", "/api/keep", "/api/compare")
+"""Commands that wait for computations, minutes long; the others, above all `/api/cancel`, must not wait for them."""
+SLOW_AT_ONCE = 20
+"""Greatest number of each of these that wait in a thread; further ones wait for a thread."""
 MOST_SAMPLES = 20
 """Greatest number of samples in the history."""
 
@@ -199,14 +203,15 @@ def _answering(work: Callable[[dict[str, str], PageUser], Response]) -> Callable
 
 
 def _command(path: str, fields: type[T], work: Callable[[T, PageUser], Response]) -> Route:
-    """Return the route of a command whose body has these fields."""
+    """Return the route of a command whose body has these fields; each of the `SLOW` ones has threads of its own."""
+    threads = CapacityLimiter(SLOW_AT_ONCE) if path in SLOW else None
 
     async def endpoint(request: Request) -> Response:
         try:
             body = await read_body(request, fields)
         except BodyError as error:
             return JSONResponse({"error": str(error)}, error.status)
-        return await _in_thread(work, body, user_of(request.scope))
+        return await _in_thread(work, body, user_of(request.scope), threads)
 
     endpoint.__doc__ = work.__doc__
     return Route(path, endpoint, methods=["POST"])
@@ -230,10 +235,12 @@ def _attachment(name: str) -> dict[str, str]:
     return {"Content-Disposition": message["Content-Disposition"]}
 
 
-async def _in_thread(work: Callable[[A, PageUser], Response], argument: A, user: PageUser) -> Response:
+async def _in_thread(
+    work: Callable[[A, PageUser], Response], argument: A, user: PageUser, threads: CapacityLimiter | None = None
+) -> Response:
     """Answer from a thread; an error becomes one sentence with status 400, 404 or 409, a defect one with status 500."""
     try:
-        return await run_in_threadpool(work, argument, user)
+        return await to_thread.run_sync(work, argument, user, limiter=threads)
     except DaemonError as error:
         return JSONResponse({"error": _sentence(error)}, 409)
     except MetadataError as error:

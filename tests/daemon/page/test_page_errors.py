@@ -1,15 +1,21 @@
 """The page gets over errors: one event that cannot be shown, one computation that takes too long."""
 
 import asyncio
+import threading
 from collections.abc import AsyncGenerator, Callable
 from concurrent.futures import Future
 from contextlib import asynccontextmanager
 from types import SimpleNamespace
 
 import pytest
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.types import Message
 
-from pzctl.daemon.page import event_stream
+from pzctl.daemon.page import event_stream, page_server
 from pzctl.daemon.page.event_stream import EventStream
+from pzctl.daemon.page.page_users import PageUser
+from pzctl.daemon.page.request_body import NoFields
 from pzctl.daemon.page.worker_process import NoAnswer, WorkerProcess
 
 
@@ -60,3 +66,34 @@ def test_what_waits_behind_a_computation_that_takes_too_long_gets_no_answer() ->
     worker._pool = pool  # type: ignore[assignment]
     with pytest.raises(NoAnswer):
         worker.ask(print)
+
+
+def test_a_measurement_is_cancelled_while_many_diagnoses_are_waited_for() -> None:
+    go_on = threading.Event()
+
+    def diagnose(_: NoFields, __: PageUser) -> Response:
+        go_on.wait(60)
+        return JSONResponse({})
+
+    def cancel(_: NoFields, __: PageUser) -> Response:
+        return JSONResponse({})
+
+    async def receive() -> Message:
+        return {"type": "http.request", "body": b"{}", "more_body": False}
+
+    def asked() -> Request:
+        return Request({"type": "http", "headers": [], "pzctl.user": PageUser(None, "act")}, receive)
+
+    async def told() -> int:
+        slow = page_server._command("/api/diagnose", NoFields, diagnose)
+        quick = page_server._command("/api/cancel", NoFields, cancel)
+        diagnoses = [asyncio.create_task(slow.endpoint(asked())) for _ in range(50)]
+        await asyncio.sleep(0.1)
+        try:
+            async with asyncio.timeout(30):
+                return (await quick.endpoint(asked())).status_code
+        finally:
+            go_on.set()
+            await asyncio.wait(diagnoses)
+
+    assert asyncio.run(told()) == 200
