@@ -294,6 +294,7 @@ class Daemon:
             for task in (*tasks, stop):
                 task.cancel()
             await asyncio.wait((*tasks, stop))
+            await self._request_server.end()
 
     def _end(self) -> None:
         """Start stopping; from now on no client finds this daemon."""

@@ -36,6 +36,9 @@ AT_ONCE = 100
 READ_AT_ONCE = 1000
 """The same for requests that read the journal: programs may ask for many measurements at the same time."""
 
+LAST_ANSWERS = 2.0
+"""Seconds for the answers that wait when the daemon ends."""
+
 TURN = 0.002
 """Seconds of answering after which other tasks get their turn. After 2 ms with invalid messages the server pauses for
 2 ms, so that a flood does not take a whole core and valid requests are still answered soon."""
@@ -103,6 +106,16 @@ class RequestServer:
                 pass
             nonsense = counts["garbage"] > garbage and time.monotonic() >= until
             await asyncio.sleep(TURN if nonsense else 0)
+
+    async def end(self) -> None:
+        """Send the answers that are still to come, if they come soon; call it when `serve` has ended."""
+        if self._tasks:
+            _, late = await asyncio.wait({*self._tasks}, timeout=LAST_ANSWERS)
+            for task in late:
+                task.cancel()
+            await asyncio.gather(*late, return_exceptions=True)
+        for threads in (self._listing, self._looking):
+            threads.shutdown(wait=False, cancel_futures=True)
 
     def _answer_next(self) -> bool:
         """Answer the next request; return False if there is none."""

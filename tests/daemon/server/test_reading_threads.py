@@ -32,7 +32,10 @@ Handler = Callable[[Request], list[bytes]]
 
 @asynccontextmanager
 async def _asking(handler: Handler, **options: int) -> AsyncGenerator[tuple["zmq.Socket[bytes]", Counter[str]]]:
-    """Yield a client of a server whose handlers answer with an empty header and these frames, and its counters."""
+    """Yield a client of a server whose handlers answer with an empty header and these frames, and its counters.
+
+    Then the server ends.
+    """
     counts = Counter[str]()
     metrics = SimpleNamespace(counts=counts, lasted=lambda _what, _seconds: None)
     handlers = SimpleNamespace(
@@ -51,6 +54,9 @@ async def _asking(handler: Handler, **options: int) -> AsyncGenerator[tuple["zmq
             yield client, counts
             serving.cancel()
             await asyncio.wait({serving})
+            await server.end()
+            while client.poll(200):
+                counts[f"at the end: {json.loads(client.recv_multipart()[0])['id']}"] += 1
 
 
 async def _answers(client: "zmq.Socket[bytes]", number: int) -> list[dict[str, object]]:
@@ -185,3 +191,25 @@ def test_what_is_listed_is_of_one_moment(tmp_path: Path, build: Build, monkeypat
         answer, _ = handlers.answer(SamplesRequest(id="s"), (), "ana")
     assert isinstance(answer, SamplesAnswer)
     assert answer.samples == (), "its sweeps were looked for before it was there"
+
+
+def test_an_ending_server_sends_the_answers_that_are_being_read() -> None:
+    asked = Counter[str]()
+
+    def read(request: Request) -> list[bytes]:
+        asked[request.id] += 1
+        ended.wait(0.5)
+        return []
+
+    ended = threading.Event()
+
+    async def told() -> Counter[str]:
+        async with _asking(read) as (client, counts):
+            _send(client, "sweeps", "a")
+            _send(client, "samples", "b")
+            while len(asked) < 2:
+                await asyncio.sleep(0.01)
+        return counts
+
+    counts = asyncio.run(told())
+    assert (counts["at the end: a"], counts["at the end: b"]) == (1, 1)
