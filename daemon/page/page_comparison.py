@@ -54,9 +54,8 @@ def _answer(request: ComparisonRequest) -> dict[str, Any]:
             if others:
                 raise PageComparisonError(f"{wanted.measurement} is no measurement but a sample; give the id of one")
             if not 1 <= wanted.segment <= len(step.sweeps):
-                raise PageComparisonError(
-                    f"{wanted.measurement} has no sweep {wanted.segment}; allowed are 1 to {len(step.sweeps)}"
-                )
+                allowed = f"allowed are 1 to {len(step.sweeps)}" if step.sweeps else "it has none yet"
+                raise PageComparisonError(f"{wanted.measurement} has no sweep {wanted.segment}; {allowed}")
             sweeps.append(step.sweeps[wanted.segment - 1])
     finally:
         journal.close()

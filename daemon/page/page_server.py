@@ -360,7 +360,8 @@ class _PageRequestHandlers:
         numbers = {str(k): k for k in range(1, len(step.sweeps) + 1)}
         k = numbers.get(words["segment"])
         if k is None:
-            return JSONResponse({"error": f"no such sweep; allowed are 1 to {len(step.sweeps)}"}, 404)
+            allowed = f"allowed are 1 to {len(step.sweeps)}" if step.sweeps else "it has none yet"
+            return JSONResponse({"error": f"no such sweep; {allowed}"}, 404)
         headers = _attachment(f"{step.measurement.sample.step}-{k}.csv")
         return PlainTextResponse(csv_text(step.sweeps[k - 1]), headers=headers, media_type="text/csv")
 
