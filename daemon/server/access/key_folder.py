@@ -35,11 +35,18 @@ class KeyFolder:
         self._root = root
         self._clock = clock
         self._files: dict[Path, _Read] = {}
+        self._fault = ""
 
     def clients(self) -> dict[str, AllowedClient]:
-        """Return the clients by their public keys."""
-        before = self._files
-        self._files = {path: self._read(path, before.get(path)) for path in client_files(self._root)}
+        """Return the clients by their public keys; as before if the folder cannot be listed at the moment."""
+        before, fault = self._files, ""
+        try:
+            self._files = {path: self._read(path, before.get(path)) for path in client_files(self._root)}
+        except OSError as error:  # its share is gone, or this process can open no more files
+            fault = f"the clients stay as they are: {error}"
+        if fault and fault != self._fault:
+            log.warning("%s", fault)
+        self._fault = fault
         for path, read in self._files.items():
             if read.says and (path not in before or before[path].says != read.says):
                 log.warning("this client has no access: %s", read.says)
