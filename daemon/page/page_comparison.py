@@ -42,6 +42,11 @@ def compared(worker: WorkerProcess, request: ComparisonRequest) -> dict[str, Any
         ) from None
 
 
+def allowed_sweeps(count: int) -> str:
+    """Return which sweeps of a measurement with so many there are, in words."""
+    return f"allowed are 1 to {count}" if count else "it has none yet"
+
+
 def _answer(request: ComparisonRequest) -> dict[str, Any]:
     """Compare two sweeps; runs in the worker's process."""
     from ...fitters.compare.compare import compare
@@ -54,8 +59,9 @@ def _answer(request: ComparisonRequest) -> dict[str, Any]:
             if others:
                 raise PageComparisonError(f"{wanted.measurement} is no measurement but a sample; give the id of one")
             if not 1 <= wanted.segment <= len(step.sweeps):
-                allowed = f"allowed are 1 to {len(step.sweeps)}" if step.sweeps else "it has none yet"
-                raise PageComparisonError(f"{wanted.measurement} has no sweep {wanted.segment}; {allowed}")
+                raise PageComparisonError(
+                    f"{wanted.measurement} has no sweep {wanted.segment}; {allowed_sweeps(len(step.sweeps))}"
+                )
             sweeps.append(step.sweeps[wanted.segment - 1])
     finally:
         journal.close()

@@ -39,7 +39,7 @@ from .event_stream import EventStream
 from .manual_fit_pool import ManualFitPool, ManualFitRequest
 from .openapi import openapi
 from .page_client import PageClient
-from .page_comparison import ComparisonRequest, compared
+from .page_comparison import ComparisonRequest, allowed_sweeps, compared
 from .page_guard import Guard, shown_token, user_of
 from .page_json import build_json, record_json
 from .page_users import PageUser, PageUsers
@@ -360,8 +360,7 @@ class _PageRequestHandlers:
         numbers = {str(k): k for k in range(1, len(step.sweeps) + 1)}
         k = numbers.get(words["segment"])
         if k is None:
-            allowed = f"allowed are 1 to {len(step.sweeps)}" if step.sweeps else "it has none yet"
-            return JSONResponse({"error": f"no such sweep; {allowed}"}, 404)
+            return JSONResponse({"error": f"no such sweep; {allowed_sweeps(len(step.sweeps))}"}, 404)
         headers = _attachment(f"{step.measurement.sample.step}-{k}.csv")
         return PlainTextResponse(csv_text(step.sweeps[k - 1]), headers=headers, media_type="text/csv")
 

@@ -137,10 +137,10 @@ class Disk2D:
             f"{self.name}.thickness": made.by_log_thickness / self.thickness,
             f"{self.name}.density": made.by_log_density / self.density,
         }
+        by_constant = made.by_constant * self._softer
         for k, constant in enumerate(CONSTANTS):
             _, chain = continued(self.law_of(constant), getattr(self.constants, constant), frequency)
-            by_own = made.by_constant[:, k] * self._softer[k]
-            rows |= {f"{self.name}.{constant}.{part}": by_own * chain[part] for part in ("re", "im")}
+            rows |= {f"{self.name}.{constant}.{part}": by_constant[:, k] * chain[part] for part in ("re", "im")}
         slope = np.array([-rows[name] / C for name in names], np.complex128)
         return 1 / (j_omega(frequency) * C), slope.reshape(len(names), frequency.size)
 

@@ -1,6 +1,6 @@
 """All hypotheses that a search has fitted: the better fit of each is kept, and those that matter are continued."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from weakref import WeakSet
@@ -222,7 +222,7 @@ class FittedHypotheses:
         # where a fit ended says little of how well it will describe these recordings
         best = [self.found[one.key] for one in again[:UNFINISHED] if one.key in self.found]
         near = dict.fromkeys((*best, *self._in_reach(self.ranked)))
-        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
+        self._follow(near)
 
     def weigh_again(self, problem: Problem) -> None:
         """Weigh the best hypotheses by other recordings of the same device, which say nearly the same.
@@ -234,7 +234,11 @@ class FittedHypotheses:
         near = self._in_reach(self.ranked, LIKELY)
         near = [one for one in near if one is self.best or one.fit.promised > 0 or one.fit.sizes.exact]
         self._fine.update(self.found)
-        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in near if one.effects])
+        self._follow(near)
+
+    def _follow(self, some: Iterable[Hypothesis]) -> None:
+        """Continue these fits, but that without effects."""
+        self.fit([Plan.after(one, (one.fit.sizes, ErrorSizes())) for one in some if one.effects])
 
     def _take_over(self, problem: Problem) -> list[Hypothesis]:
         """Look at the best hypotheses until now with another problem, that without effects fitted anew; return them."""

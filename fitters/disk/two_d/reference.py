@@ -46,10 +46,10 @@ def at_resonance(
     sweeps: Iterable[Sweep], values: Mapping[str, float], layer: str, law: LossLaw
 ) -> tuple[LossLaw, dict[str, float]]:
     """Return a layer's law and its ten constants, told at its thickness resonance if the law is causal."""
-    if not isinstance(law, CausalConstantQ):
-        return law, parameters_of(tensor_of(values, layer), layer)
-    there = np.array([reference_of(sweeps, values, layer)])
     tensor = tensor_of(values, layer)
+    if not isinstance(law, CausalConstantQ):
+        return law, parameters_of(tensor, layer)
+    there = np.array([reference_of(sweeps, values, layer)])
     ten = (continued(law, complex(getattr(tensor, name)), there)[0] for name in CONSTANTS)
     return CausalConstantQ(float(there[0])), parameters_of(Tensor6mm(*(complex(value[0]) for value in ten)), layer)
 
