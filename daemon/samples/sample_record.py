@@ -38,6 +38,8 @@ class StepRecord:
     """The curves of the diagnosis's picture; may be empty."""
     metadata: Mapping[str, str | float] = field(default_factory=dict[str, str | float])
     """What was noted at the measurement, with `mass_g` if the step was weighed."""
+    deciding: tuple[Sweep, ...] = ()
+    """The sweeps made to decide the diagnosis of the measurement; no fit takes them."""
     withdrawal: Withdrawal | None = None
     """The withdrawal of the measurement; only a request by its id returns a withdrawn one."""
 
@@ -136,7 +138,28 @@ def _step(journal: JournalReader, measurement: JournalMeasurement) -> StepRecord
     sweeps = tuple(received.sweep() for received in events)
     metadata = noted(journal, measurement)
     return StepRecord(
-        measurement, sweeps, idn, tuple(fits.values()), sentences, diagnosis, curves, metadata, withdrawal
+        measurement=measurement,
+        sweeps=sweeps,
+        idn=idn,
+        fits=tuple(fits.values()),
+        refusals=sentences,
+        diagnosis=diagnosis,
+        diagnosis_curves=curves,
+        metadata=metadata,
+        deciding=_deciding(journal, measurement),
+        withdrawal=withdrawal,
+    )
+
+
+def _deciding(journal: JournalReader, measurement: JournalMeasurement) -> tuple[Sweep, ...]:
+    """Return the sweeps that were made to decide the diagnosis of a measurement, the oldest first."""
+    sample = measurement.sample
+    aside = journal.measurements("sample = ? AND step = ? AND state = 'measured-aside'", sample.name, sample.step)
+    events = [decode(frames) for one in aside for frames in journal.sweeps(one.id)]
+    return tuple(
+        received.sweep()
+        for received in events
+        if isinstance(received.event, SweepEvent) and received.event.decides == measurement.id
     )
 
 

@@ -29,8 +29,9 @@ def export(
 ) -> None:
     """Write the sweeps of a sample, one file each, with settings and provenance. Needs no daemon.
 
-    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back. Two formats are subcircuits for
-    circuit simulators: `spice` is the equivalent circuit of each sweep, fitted by `bvd`; `mason` is the fitted stack of
+    Files are called SAMPLE-STEP-SEGMENT; `pzctl fit STEP=FILE ...` reads them back. Sweeps that decided a diagnosis
+    are called SAMPLE-STEP-decides-NUMBER; `pzctl diagnose` needs them, too. Two formats are subcircuits for circuit
+    simulators: `spice` is the equivalent circuit of each sweep, fitted by `bvd`; `mason` is the fitted stack of
     each step, its layers as lossy transmission lines.
 
     Example: pzctl export S4 --to data --format netcdf
@@ -83,9 +84,12 @@ def _write(record: "SampleRecord", step: str | None, form: str, folder: Path) ->
                 files.append(folder / f"{stem}.cir")
                 write_mason(record.build, step_record, files[-1])
                 continue
-            for k, measured in enumerate(step_record.sweeps, start=1):
+            named = {f"{stem}-{k}": sweep for k, sweep in enumerate(step_record.sweeps, start=1)}
+            if form != "spice":  # a wide sweep has more resonances than one circuit
+                named |= {f"{stem}-decides-{k}": sweep for k, sweep in enumerate(step_record.deciding, start=1)}
+            for name, measured in named.items():
                 sweep = replace(measured, settings={**step_record.metadata, **measured.settings})
-                files.append(folder / f"{stem}-{k}{FORMATS[form]}")
+                files.append(folder / f"{name}{FORMATS[form]}")
                 writers[form](sweep, files[-1])
     return files
 

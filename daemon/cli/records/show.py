@@ -121,5 +121,5 @@ def _print(screen: "Console", record: "SampleRecord", step_record: "StepRecord",
         diagnosis = step_record.diagnosis.diagnosis
         for sentence in diagnosis.get("says", ()):
             screen.print(f"- {sentence}", highlight=False, markup=False)
-        if diagnosis.get("findings") and diagnosis["final"].get("constants"):
+        if diagnosis.get("findings") and (diagnosis.get("final") or {}).get("constants"):
             screen.print(constants_table(diagnosis))

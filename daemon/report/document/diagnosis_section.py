@@ -11,6 +11,7 @@ from ...samples.sample_record import StepRecord
 from ..pictures.diagnosis_picture import diagnosis_figure
 from ..pictures.svg_pictures import svg_of
 from ..tables.deviation import shift_text
+from ..tables.diagnosis_output import constant_rows
 from .html_table import table
 
 
@@ -27,7 +28,7 @@ def diagnosis_section(diagnosis: dict[str, Any], curves: Sequence[Curve], build:
     html += "".join(f"<p>{escape(sentence)}</p>" for sentence in diagnosis.get("compared", ()))
     if curves and "findings" in diagnosis:
         html += svg_of(diagnosis_figure(diagnosis, curves, build), "diagnosis")
-    return html + _findings(diagnosis) + _open(diagnosis)
+    return html + _findings(diagnosis) + _constants(diagnosis) + _open(diagnosis)
 
 
 def _findings(diagnosis: dict[str, Any]) -> str:
@@ -48,6 +49,12 @@ def _findings(diagnosis: dict[str, Any]) -> str:
     return table(heads, rows) if rows else ""
 
 
+def _constants(diagnosis: dict[str, Any]) -> str:
+    """Return the constants without and with the findings, if there are any."""
+    heads, *rows = constant_rows(diagnosis)
+    return table(heads, rows) if rows and diagnosis.get("findings") else ""
+
+
 def _open(diagnosis: dict[str, Any]) -> str:
     html = ""
     hidden: list[dict[str, Any]] = diagnosis.get("not_decidable", [])
@@ -57,7 +64,7 @@ def _open(diagnosis: dict[str, Any]) -> str:
             (
                 str(n.get("effect")),
                 str(n.get("where")),
-                "; ".join(_size(name, size) for name, size in n.get("upper_limit", {}).items()),
+                "; ".join(_size(name, _two_digits(size)) for name, size in n.get("upper_limit", {}).items()),
                 "; ".join(
                     shift_text(name, shift, constants)
                     for name, shift in n.get("shifts", {}).items()
@@ -79,6 +86,10 @@ def _open(diagnosis: dict[str, Any]) -> str:
 def _fall(finding: dict[str, Any], name: str) -> str:
     sides = (finding.get(f"{name}_{side}") for side in ("before", "after"))
     return " \u2192 ".join("" if side is None else f"{side:.3g}" for side in sides)
+
+
+def _two_digits(limit: dict[str, Any]) -> dict[str, Any]:
+    return limit if limit["value"] is None else {**limit, "value": float(f"{limit['value']:.2g}")}
 
 
 def _size(name: str, size: dict[str, Any]) -> str:

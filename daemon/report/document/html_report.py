@@ -50,6 +50,7 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
         raise NothingToReport(_why_nothing(record, fitter))
     last, fit = chosen[-1]
     fits = [result for _, result in chosen]
+    deciding = [sweep for step in record.steps for sweep in step.deciding]
     parts = [
         ("What was measured", sections.measured(record)),
         ("The transducer", draw.stack_svg(record.build, _present(record, last), finding_places(last)) + _SCALE),
@@ -57,7 +58,7 @@ def report_html(record: SampleRecord, fitter: str | None = None) -> str:
         ("Constants", sections.constants(fit, record.build)),
         ("Fit over measurement", draw.curves_svg(fit.curves, fit.noise.relative) if fit.curves else ""),
         ("Admittance circles", draw.circle_svg(fit.curves) if fit.curves else ""),
-        ("Misfit, and what it means", sections.mismatch(last, fit, record.build)),
+        ("Misfit, and what it means", sections.mismatch(last, fit, record.build, deciding)),
         ("From step to step", _history(fits)),
         ("Uncertainty budget", sections.budget(fit)),
         ("Correlations", sections.correlations(fit)),

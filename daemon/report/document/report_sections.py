@@ -1,7 +1,7 @@
 """The sections of a report, each as HTML, with every name and sentence from outside escaped."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from html import escape
 from importlib.metadata import version
 from typing import Any
@@ -10,6 +10,7 @@ from ....fitters.interface import FitResult
 from ....fitters.population.conformity import judged
 from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ....models.build import Build
+from ....models.sweep import Sweep
 from ...samples.sample_record import SampleRecord, StepRecord
 from ...wire.frames import to_json
 from ..pictures import svg_pictures as draw
@@ -31,14 +32,14 @@ def measured(record: SampleRecord) -> str:
         (
             record_of_step.measurement.sample.step,
             sweep.time[:19].replace("T", " "),
-            f"{sweep.frequency[0] / 1e6:.4g} - {sweep.frequency[-1] / 1e6:.4g} MHz",
+            _band(sweep),
             str(sweep.frequency.size),
             _drive(sweep.settings),
             str(sweep.settings.get("bandwidth", "")),
-            "; ".join((*((record_of_step.withdrawal.says,) if record_of_step.withdrawal else ()), *sweep.notes)),
+            "; ".join((*said, *sweep.notes)),
         )
         for record_of_step in record.steps
-        for sweep in record_of_step.sweeps
+        for sweep, said in _sweeps(record_of_step)
     ]
     shown = table(("step", "begun (UTC)", "band", "points", "oscillator", "bandwidth", "notes"), rows)
     notes = [
@@ -48,6 +49,17 @@ def measured(record: SampleRecord) -> str:
     ]
     shown += table(("step", "noted"), notes) if notes else ""
     return shown + "".join(f"<p>{escape(says)}.</p>" for says in record.withdrawn)
+
+
+def _band(sweep: Sweep) -> str:
+    return f"{sweep.frequency[0] / 1e6:.4g} - {sweep.frequency[-1] / 1e6:.4g} MHz"
+
+
+def _sweeps(record: StepRecord) -> Iterator[tuple[Sweep, tuple[str, ...]]]:
+    """Yield every sweep of a step with what is to be said of it: its withdrawal, or that it decided the diagnosis."""
+    withdrawn = (record.withdrawal.says,) if record.withdrawal else ()
+    yield from ((sweep, withdrawn) for sweep in record.sweeps)
+    yield from ((sweep, ("made to decide the diagnosis; not fitted",)) for sweep in record.deciding)
 
 
 def _drive(settings: Any) -> str:
@@ -149,13 +161,21 @@ def correlations(fit: FitResult) -> str:
     return words + draw.correlation_svg(fit.correlation)
 
 
-def mismatch(record: StepRecord, fit: FitResult, build: Build) -> str:
-    """Return how well the model describes the recording and what this means, then the diagnosis."""
+def mismatch(record: StepRecord, fit: FitResult, build: Build, deciding: Sequence[Sweep]) -> str:
+    """Return how well the model describes the recording and what this means, then the diagnosis.
+
+    `deciding` are the sweeps of this and earlier steps that were made to decide a diagnosis.
+    """
     chi2 = fit.chi2_per_dof
+    told = record.diagnosis
+    used = [sweep for sweep in deciding if told is not None and sweep.id in told.sweeps]
+    findings: list[dict[str, Any]] = told.diagnosis.get("findings") or [] if told else []
     if chi2 > _BAD:
         meaning = "Well above 1: the recording shows an effect that the model lacks; the constants may be wrong."
     elif chi2 > _GOOD:
         meaning = "Somewhat above 1: the model lacks a small effect; the uncertainties are slightly too small."
+    elif findings:
+        meaning = "Near 1, but only because the constants absorb what the diagnosis below has found."
     else:
         meaning = "Near 1: model and recording agree to within the noise."
     words = [
@@ -166,9 +186,12 @@ def mismatch(record: StepRecord, fit: FitResult, build: Build) -> str:
         *record.refusals,
     ]
     html = "".join(f"<p>{escape(word)}</p>" for word in words)
-    if record.diagnosis is None:
+    if told is None:
         return html + "<p>The journal holds no diagnosis of this measurement.</p>"
-    return html + diagnosis_section(record.diagnosis.diagnosis, record.diagnosis_curves, build)
+    if used:
+        bands = ", ".join(_band(sweep) for sweep in used)
+        html += f"<p>The diagnosis has the fitted sweeps and those that were made to decide it: {bands}.</p>"
+    return html + diagnosis_section(told.diagnosis, record.diagnosis_curves, build)
 
 
 def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
@@ -179,7 +202,7 @@ def provenance(record: SampleRecord, fits: Iterable[FitResult]) -> str:
     for step in record.steps:
         rows.append((f"instrument at {step.measurement.sample.step}", step.idn))
         rows.append((f"measurement of {step.measurement.sample.step}", step.measurement.id))
-        for sweep in step.sweeps:
+        for sweep in (*step.sweeps, *step.deciding):
             digest = hashlib.sha256(sweep.frequency.tobytes() + sweep.impedance.tobytes()).hexdigest()
             rows.append((f"sweep {sweep.id}", f"SHA-256 of its numbers {digest}"))
             rows.append(("settings as read back", _in_words(sweep.settings)))

@@ -101,15 +101,23 @@ def print_constants(console: Console, diagnosis: Mapping[str, Any]) -> None:
 
 def constants_table(diagnosis: Mapping[str, Any]) -> UnbrokenTable:
     """Return the constants without and with the findings of a diagnosis."""
-    named = any(finding["effect"] not in ("unknown", "polarity") for finding in diagnosis["findings"])
-    columns = ("constant", *(("without the findings",) if named else ()), "with them" if named else "fitted", "unit")
-    table = UnbrokenTable(*columns, title="Constants")
-    for name, after in diagnosis["final"]["constants"].items():
-        before = diagnosis["baseline"]["constants"].get(name)
-        if after.get("free"):
-            sides = (before, after) if named else (after,)
-            table.add_row(name, *(_constant(side) if side else "" for side in sides), after.get("unit", ""))
+    heads, *rows = constant_rows(diagnosis)
+    table = UnbrokenTable(*heads, title="Constants")
+    for row in rows:
+        table.add_row(*row)
     return table
+
+
+def constant_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return the fitted constants without and with the findings as rows of text, their heads first."""
+    named = any(finding["effect"] not in ("unknown", "polarity") for finding in diagnosis.get("findings") or ())
+    earlier, final = ((diagnosis.get(side) or {}).get("constants", {}) for side in ("baseline", "final"))
+    rows = [("constant", *(("without the findings",) if named else ()), "with them" if named else "fitted", "unit")]
+    for name, after in final.items():
+        if after.get("free"):
+            sides = (earlier.get(name), after) if named else (after,)
+            rows.append((name, *(_constant(side) if side else "" for side in sides), after.get("unit", "")))
+    return rows
 
 
 def _constant(told: Mapping[str, Any]) -> str:

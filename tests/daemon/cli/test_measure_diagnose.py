@@ -24,7 +24,7 @@ from pzctl.daemon.report.tables import diagnosis_output
 from pzctl.daemon.samples.sample_record import sample_record
 from pzctl.daemon.samples.sample_selection import open_journal
 from pzctl.daemon.wire.events import DiagnosisEvent, SweepEvent
-from pzctl.drivers.recordings import write_csv
+from pzctl.drivers.recordings import read_recording, write_csv
 from pzctl.models.build import Build
 
 ECHO = "guest_examples:Echo"
@@ -157,6 +157,37 @@ def test_a_deciding_measurement_is_kept_and_is_no_record_of_its_step(start_daemo
         assert aside not in lab.unanswered(ECHO)
         with pytest.raises(DaemonError, match=r"is of 'S4\.a' at step 'disk'; one of 'S4.a' at step 'ml1'"):
             lab.begin(build, "ml1", decides=own)
+
+
+def test_a_deciding_sweep_is_exported_and_the_report_says_that_only_the_diagnosis_has_it(
+    start_daemon, build: Build, tmp_path: Path
+) -> None:
+    start_daemon("Echo")
+    before, after = ({"chi2_per_dof": 1.0, "constants": {"disk.h33": {"re": re, "free": True}}} for re in (3e9, 2e9))
+    about = {"step": "disk", "probability": 0.9, "bands_Hz": [], "parameters": {}, "alternatives": []}
+    finding = {"effect": "leakage", "where": "terminals", "says": "It leaks.", **about}
+    told = {"says": ["They differ."], "findings": [finding], "baseline": before, "final": after}
+    with pzctl.connect() as lab:
+        own = lab.measure(build, "disk")
+        assert build.plan
+        wide = replace(build.plan, segments=build.plan.segments[:1])
+        aside = lab.measure(build, "disk", wide, decides=own.id)
+        sweeps = [sweep.id for sweep in (*own.sweeps, *aside.sweeps)]
+        lab.wait_fit(ECHO, own.id)
+        lab.submit_diagnosis(own.id, sweeps, "diagnosis", "1", told)
+        journal = open_journal()
+        page = report_html(sample_record(journal, own.id))
+        journal.close()
+    assert "Near 1, but only because the constants absorb what the diagnosis below has found." in page
+    assert "those that were made to decide it: 1 - 6 MHz." in page
+    assert "<td>disk.h33</td><td>3e9</td><td>2e9</td>" in page
+    files = json.loads(run_here(tmp_path, "export", "S4.a", "--json").stdout)["files"]
+    assert [Path(file).stem for file in files] == [
+        *(f"S4.a-disk-{k + 1}" for k in range(len(own.sweeps))),
+        "S4.a-disk-decides-1",
+    ]
+    exported = read_recording(tmp_path / files[-1])
+    assert np.allclose(exported.impedance, aside.sweeps[0].impedance)
 
 
 def test_a_fit_that_leaves_a_mismatch_is_diagnosed_in_the_background(
