@@ -29,6 +29,7 @@ from .parameters.assembly import (
     require_constants,
 )
 from .parameters.coordinates import Coordinates
+from .physical_range import refuse_impossible
 from .recording import Posterior, Prior, Recording, rms
 from .refine import refined
 from .start import disk_starts, distinct, spread_starts
@@ -87,6 +88,7 @@ def check_task(task: FitTask) -> tuple[Build, dict[str, tuple[Sweep, ...]]]:
         raise FitError(f"no recording of any step of build {task.build.name!r} was given")
     refuse_given_twice(there)
     require_constants(task.build, known if task.build.effects else there)
+    refuse_impossible(task.build, layers_of(task.build, there))
     coordinates_of(task.build, there, nominal_parameters(task.build), task.free)
     return task.build, there
 

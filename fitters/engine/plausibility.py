@@ -10,6 +10,7 @@ from ...models.build import Build, LayerSpec
 from ...models.sweep import Sweep
 from ..interface import Constant, FitError
 from .noise import noise_of
+from .physical_range import OTHER, beyond_solids, too_thick
 from .start import largest_peaks
 
 _FAR, _OFF = 30.0, 6.0
@@ -22,10 +23,9 @@ _BELOW = 0.4
 _MOST = 0.5
 _NOISE = 0.01
 # Part of |Z| below which the sign of a resistance is not significant.
-_OTHER, _ABSENT, _NO_WAVE, _RAN_AWAY = 6.0, 0.03, 1.0, 0.02
-# Standard uncertainties from the build's value beyond which a layer is another one; part of its impedance below which
-# it is not there; a quality factor that only a fit without a minimum ends at; RMS log error that is no missing detail
-# but a wrong device.
+_ABSENT, _NO_WAVE, _RAN_AWAY = 0.03, 1.0, 0.02
+# Part of its impedance below which a layer is not there; a quality factor that only a fit without a minimum ends at;
+# RMS log error that is no missing detail but a wrong device.
 _NEED, _WANT = 0.25, 3.0
 # Points per linewidth: below the first a resonance may lie between two points, below the second the loss depends on the
 # model's shape of the flanks.
@@ -177,9 +177,13 @@ def doubts(
         says += few_points(bare, fp, c33D.im / c33D.re)
         if piezo.values["c33D"].same_as is None:
             says += strange(build, piezo, constants)
-    glued = (layer for layer in build.layers if layer.kind == "elastic" and f"{layer.name}.z" in constants)
-    elsewhere = (_elsewhere(layer, constants, ran_away=rms_log_error > _RAN_AWAY) for layer in glued)
-    return (*says, *filter(None, elsewhere))
+    glued = [layer for layer in build.layers if layer.kind == "elastic" and f"{layer.name}.z" in constants]
+    ran_away = rms_log_error > _RAN_AWAY
+    for layer in glued:
+        elsewhere = _elsewhere(layer, constants, ran_away=ran_away)
+        says += [elsewhere] if elsewhere else beyond_solids(layer, constants)
+        says += too_thick(build, layer, constants) if ran_away else ()
+    return tuple(says)
 
 
 def _elsewhere(layer: LayerSpec, constants: Mapping[str, Constant], *, ran_away: bool) -> str | None:
@@ -193,7 +197,7 @@ def _elsewhere(layer: LayerSpec, constants: Mapping[str, Constant], *, ran_away:
         away = abs(fitted.re - given.re) / given.u if given.u > 0 else 0.0
         if name == "q" and given.u > 0 and fitted.re < _NO_WAVE:
             found.append(f"{layer.name}.q reached its lower limit, {fitted.re:.2g}")
-        elif name != "q" and away > _OTHER:
+        elif name != "q" and away > OTHER:
             of = f" of {layer.material}" if layer.material and given.source != "build.toml" else " of the build"
             found.append(f"{layer.name}.{name} is {fitted.re:.3g}, {away:.0f} u from the {given.re:.3g}{of}")
     if not found:

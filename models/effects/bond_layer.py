@@ -13,8 +13,10 @@ _Z, _C, _LOSS = 2.9e6, 2550.0, 1 / 30
 impedance and velocity are assumed."""
 _LOSSES = (0.05, 0.03)
 """Prior loss tangent, mean and standard deviation: quality 10 where it is half cured, 50 where it is hard."""
-_SOFT, _THIN = 5e6, 0.05
+SOFT, _THIN = 5e6, 0.05
 """Impedance (Rayl) and thickness (wavelengths at the active layer's resonance) below which a layer acts as glue."""
+THICKEST = 2e-4
+"""Greatest thickness of a glue line, m."""
 _LEAST = 1e-3
 """Loss tangent below which glue counts as lossless."""
 
@@ -39,7 +41,7 @@ class BondLayer(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the thickness in metre, for an epoxy of 2.9 MRayl and 2550 m/s, and the loss tangent."""
         return (
-            EffectParameter("thickness", "m", typical=5e-6, upper=2e-4, prior=(8e-6, 1.0)),
+            EffectParameter("thickness", "m", typical=5e-6, upper=THICKEST, prior=(8e-6, 1.0)),
             EffectParameter("loss", "1", typical=0.03, upper=0.5, null=_LOSS, prior=_LOSSES),
         )
 
@@ -54,7 +56,7 @@ class BondLayer(Effect):
 
 
 def _acts_as_glue(layer: Elastic, stack: Stack) -> bool:
-    return layer.z < _SOFT and layer.thickness < _THIN * layer.c / resonance(stack)
+    return layer.z < SOFT and layer.thickness < _THIN * layer.c / resonance(stack)
 
 
 EFFECT = BondLayer()

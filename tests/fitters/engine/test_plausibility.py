@@ -10,7 +10,8 @@ import pytest
 from pzctl.daemon.files.builds.build_file import parse_build, read_build
 from pzctl.drivers.recordings import read_recording, write_csv
 from pzctl.fitters.engine.parameters.assembly import stack_of
-from pzctl.fitters.interface import FitError, FitResult, FitTask
+from pzctl.fitters.engine.physical_range import beyond_solids
+from pzctl.fitters.interface import Constant, FitError, FitResult, FitTask
 from pzctl.fitters.layered.mason import Mason
 from pzctl.models.base.arrays import Complexes, Reals
 from pzctl.models.sweep import Sweep
@@ -113,6 +114,7 @@ def right_diameter(cases: Path) -> float:
     return 1e3 * right.re
 
 
+EPOXY = 'material = "epoxy"'
 GLUED = """
 name = "S1"
 diameter_mm = 16
@@ -143,13 +145,13 @@ layers = ["disk", "glue1", "ml1"]
 """
 
 
-def fit_glued(change: Callable[[Complexes, Complexes], tuple[float, Complexes]]) -> FitResult:
+def fit_glued(change: Callable[[Complexes, Complexes], tuple[float, Complexes]], build: str = GLUED) -> FitResult:
     """Fit disk and first layer of the simulated bench; `change` returns factors by f for both curves, and ml1's."""
     f, rng = np.linspace(1e6, 12e6, 200), np.random.default_rng(3)
     noise = 1 + 3e-5 * (rng.standard_normal((2, f.size)) + 1j * rng.standard_normal((2, f.size)))
     disk, glued = (sample(0).stack(step).impedance(f) * n for step, n in zip(("disk", "ml1"), noise, strict=True))
     factor, glued = change(disk, glued)
-    return Mason().fit(FitTask(parse_build(GLUED), {"disk": (Sweep(f, disk),), "ml1": (Sweep(factor * f, glued),)}))
+    return Mason().fit(FitTask(parse_build(build), {"disk": (Sweep(f, disk),), "ml1": (Sweep(factor * f, glued),)}))
 
 
 def test_a_layer_of_another_material_is_reported() -> None:
@@ -176,6 +178,31 @@ def test_a_layer_that_was_not_glued_on_is_reported() -> None:
     assert any(
         "'ml1' is not on the device" in s for s in fit_glued(lambda disk, _: (1.0, disk * noise(disk.real))).says
     )
+
+
+@pytest.mark.parametrize(
+    ("given", "written", "says"),
+    [
+        (EPOXY, "z_MRayl = 2.8e6\nc_m_s = 2450\nq = 13", "z is 2.8e+06 MRayl; materials have 0.00041 to 100 MRayl"),
+        (EPOXY, "z_MRayl = 2.8\nc_m_s = 2.45\nq = 13", "c is 2.45 m/s; materials have 340 to 10000 m/s"),
+        ("value = 0.01,", "value = 10,", "glue1.thickness is 10 mm; a line of glue has up to 0.2 mm"),
+    ],
+)
+def test_a_value_in_the_unit_of_another_is_named(given: str, written: str, says: str) -> None:
+    try:
+        said = fit_glued(lambda _, glued: (1.0, glued), GLUED.replace(given, written, 1)).says
+    except FitError as error:
+        said = (str(error),)
+    assert any(says in sentence for sentence in said)
+
+
+def test_a_velocity_that_no_solid_has_is_reported_where_the_fit_found_it() -> None:
+    glue = parse_build(GLUED).layer("glue1")
+    found = {"glue1.z": Constant(2.8e6, 0, 1e3, None, "Rayl")}
+    usual, strange = (found | {"glue1.c": Constant(c, 0, 1, None, "m/s")} for c in (2450, 379))
+    (says,) = beyond_solids(glue, strange)
+    assert says.startswith("glue1.c is 379 m/s; solids have 680 to 13000 m/s")
+    assert not list(beyond_solids(glue, usual))
 
 
 def test_visible_radial_overtones_are_named_with_the_fitter_for_them(recordings: Path) -> None:
