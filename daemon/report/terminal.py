@@ -1,5 +1,7 @@
 """The consoles of the command line, which print text from outside as plain text: no markup, no terminal commands."""
 
+import threading
+import time
 from collections.abc import Iterable
 
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -12,6 +14,8 @@ from ...models.base.names import shown
 
 _PIPED_WIDTH = 120
 """Columns of output to a pipe or a file."""
+_FIRST = 10.0
+"""Seconds after which a pipe or a file gets the first line about what is going on, s."""
 
 
 class PlainConsole(Console):
@@ -34,8 +38,10 @@ class PlainConsole(Console):
         speed: float = 1.0,
         refresh_per_second: float = 12.5,
     ) -> Status:
-        """Return a spinner beside this text, which Rich would otherwise read as markup."""
+        """Return a spinner beside this text, which Rich would otherwise read as markup; lines of it in a pipe."""
         words = Text(status) if isinstance(status, str) else status
+        if not self.is_terminal:
+            return _PipedStatus(words, console=self)
         return super().status(
             words,
             spinner=spinner,
@@ -43,6 +49,28 @@ class PlainConsole(Console):
             speed=speed,
             refresh_per_second=refresh_per_second,
         )
+
+
+class _PipedStatus(Status):
+    """Prints its present text after ten seconds, and again each time when twice as much has passed."""
+
+    def start(self) -> None:
+        """Begin to print."""
+        self._ended = threading.Event()
+        self._printing = threading.Thread(target=self._print, daemon=True)
+        self._printing.start()
+
+    def stop(self) -> None:
+        """Print no more."""
+        self._ended.set()
+        self._printing.join()
+
+    def _print(self) -> None:
+        begun, wait = time.monotonic(), _FIRST
+        while not self._ended.wait(wait):
+            passed = time.monotonic() - begun
+            self.console.print(f"{self.status} ({passed:.0f} s)", highlight=False, soft_wrap=True)
+            wait = passed
 
 
 class _Manner:

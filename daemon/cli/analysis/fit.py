@@ -203,6 +203,7 @@ def _fitted(
     from ....fitters.plugins import DEFAULT, load_fitter, run
     from ...files.builds.build_file import read_build
     from ...files.builds.limits_table import with_limits
+    from ...report.terminal import console
 
     fitters = [load_fitter(name) for name in dict.fromkeys(names or [DEFAULT])]
     for fitter in fitters:
@@ -215,7 +216,11 @@ def _fitted(
     elif wanted.amendments != Amendments():
         raise UsageError("--hold, --tie, --prior and --bound name constants of a build; give --build as well")
     task = FitTask(known, recordings(), wanted.free, wanted.options)
-    return [run(fitter, task) for fitter in fitters], known
+    results: list[FitResult] = []
+    for fitter in fitters:
+        with console(stderr=True).status(fitter.name) as status:
+            results.append(run(fitter, task, lambda what, of=fitter, on=status: on.update(f"{of.name}: {what}")))
+    return results, known
 
 
 def _show(

@@ -393,6 +393,13 @@ def _sweep(
 
     from ...wire.events import ProgressEvent
 
+    if not console.is_terminal:
+        with console.status(step) as status:
+
+            def tell(event: ProgressEvent) -> None:
+                status.update(f"{step}: {event.what}, {event.fraction:.0%}")
+
+            return lab.measure(build, step, plan, progress=tell, decides=decides, analyzer=analyzer)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
         task = progress.add_task(step, total=1.0)

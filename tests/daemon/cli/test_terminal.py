@@ -18,6 +18,7 @@ from pzctl.daemon.cli.commands import app
 from pzctl.daemon.cli.lab import keys_commands as keys_room
 from pzctl.daemon.cli.records import journal_commands as journal_room
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.daemon.report import terminal
 from pzctl.daemon.report.tables.deviation import deviation, shift_text
 from pzctl.daemon.report.tables.fit_tables import fit_table, print_fit
 from pzctl.daemon.report.terminal import be_quiet, console
@@ -51,6 +52,17 @@ def test_quiet_does_not_change_standard_output() -> None:
     assert not console().quiet
     be_quiet(False)
     assert not console(stderr=True).quiet
+
+
+def test_what_takes_long_is_told_in_a_pipe(
+    monkeypatch: pytest.MonkeyPatch, wait_until: Callable[[Callable[[], object]], None]
+) -> None:
+    monkeypatch.setattr(terminal, "_FIRST", 1e-3)
+    pipe = console(stderr=True)
+    pipe.file = io.StringIO()
+    with pipe.status("disk2d") as status:
+        status.update("disk2d: fitting [red]disk")
+        wait_until(lambda: "disk2d: fitting [red]disk (0 s)\n" in pipe.file.getvalue())  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
