@@ -44,6 +44,14 @@ class QueuedStep:
     """Seconds before the first start."""
     ask: str = ""
     """What a person is to do first; empty if nothing."""
+    before: int = 0
+    """Number of measurements of this entry that were made before, by an earlier command."""
+
+    def named(self, number: int) -> str:
+        """Return the name of its measurement `number`, from 0: `X1, step disk, 2 of 3`."""
+        count = self.before + self.repeat
+        which = f", {self.before + number + 1} of {count}" if count > 1 else ""
+        return f"{self.build.name}, step {self.step}{which}"
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,7 @@ class MeasurementQueue:
             if measured == 0:
                 steps.append(entry)
             elif measured < entry.repeat:
-                steps.append(replace(entry, repeat=entry.repeat - measured, wait=0.0))
+                steps.append(replace(entry, repeat=entry.repeat - measured, wait=0.0, before=measured))
         return replace(self, steps=tuple(steps))
 
 

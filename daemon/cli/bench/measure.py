@@ -132,8 +132,7 @@ def measure(
         diagnoser = _diagnoser(lab, device, on.name, screen, yes) if diagnose else None
         for name in names:
             _prepare(lab, name, on, screen)
-            for k in range(repeat):
-                pause.wait(screen, f"{name}: {k} of {repeat} measured")
+            for _ in pause.starts(repeat, name, screen):
                 noted = notes.noted(device, name)
                 _one_step(lab, noted, name, on.name, wanted, screen, report, plan if adaptive else None)
                 if diagnoser is not None:
@@ -159,9 +158,10 @@ def _by_queue(
 ) -> Report:
     """Measure what is left of a queue file; `daemon`: resource, analyzer, fitters and time scale. Raises PzctlError."""
     from ...files.builds.limits_table import with_limits
-    from .queue_run import QueueRun, check_queue, queued, what_is_left
+    from .queue_run import QueueRun, check_queue, queued, refuse_finished, what_is_left
 
     wanted = queued(path, lambda build: with_limits(build, limits), given)
+    refuse_finished(wanted)
     report = Report(wanted.steps[0].build.name, queue=wanted.name)
     fitters = daemon[2]
     with _kept_on_stop(report), _daemon(*daemon, screen) as (lab, on):

@@ -2,7 +2,7 @@
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING
 
@@ -55,16 +55,30 @@ def queued(path: "Path", changed: "Callable[[Build], Build]", given: Mapping[str
     return queue
 
 
+def refuse_finished(queue: MeasurementQueue) -> None:
+    """Raise QueueError if the journal holds all measurements of a queue: no daemon has to be started for it."""
+    if not queue.without(_counted(queue, ("measured",))).total:
+        raise QueueError(f"{_held(queue, queue.total)}: all of them; give the queue another name to measure again")
+
+
 def what_is_left(queue: MeasurementQueue, console: "Console") -> MeasurementQueue:
-    """Return the measurements that the journal does not hold yet, and say how many it holds. Raises QueueError."""
-    done = _done(queue)
-    left = queue.without(done)
+    """Return the measurements that the journal does not hold yet, and say how many it holds.
+
+    Those that the running daemon is to make for an earlier command count as held. Raises QueueError if none is left.
+    """
+    left = queue.without(_counted(queue, ("measured", "measuring", "queued")))
     if left.total < queue.total:
-        already = f"{queue.total - left.total} of {queue.total} measurements of queue {queue.name!r} are in the journal"
+        held = _held(queue, queue.total - left.total)
         if not left.total:
-            raise QueueError(f"{already}: all of them; give the queue another name to measure again")
-        console.print(f"{already}; {left.total} are left", highlight=False, soft_wrap=True)
+            raise QueueError(f"{held}, or are being made: all of them; give the queue another name to measure again")
+        console.print(
+            f"{held}; {left.total} {'is' if left.total == 1 else 'are'} left", highlight=False, soft_wrap=True
+        )
     return left
+
+
+def _held(queue: MeasurementQueue, count: int) -> str:
+    return f"{count} of {queue.total} measurements of queue {queue.name!r} are in the journal"
 
 
 def check_queue(queue: MeasurementQueue, notes: NoteOptions, check: "Callable[[Build, SweepPlan], None]") -> None:
@@ -86,8 +100,8 @@ def check_queue(queue: MeasurementQueue, notes: NoteOptions, check: "Callable[[B
             raise QueueFault(f"{where}: {error}; nothing was started") from None
 
 
-def _done(queue: MeasurementQueue) -> Counter[tuple[str, str]]:
-    """Return how often the journal holds each sample and step of this queue, with what the daemon still measures."""
+def _counted(queue: MeasurementQueue, states: Sequence[str]) -> Counter[tuple[str, str]]:
+    """Return how often the journal holds each sample and step of this queue in one of these states."""
     from ...samples.sample_selection import NoSamplesError, open_journal
 
     done: Counter[tuple[str, str]] = Counter()
@@ -97,8 +111,8 @@ def _done(queue: MeasurementQueue) -> Counter[tuple[str, str]]:
         return done
     with closing(journal):
         for sample in {entry.build.name for entry in queue.steps}:
-            known = "sample = ? AND state IN ('measured', 'measuring', 'queued')"
-            for measurement in journal.measurements(known, sample):
+            known = f"sample = ? AND state IN ({', '.join('?' * len(states))})"
+            for measurement in journal.measurements(known, sample, *states):
                 if journal.build(measurement.id).metadata.get(QUEUE_KEY) == queue.name:
                     done[sample, measurement.sample.step] += 1
     return done
@@ -129,10 +143,11 @@ class QueueRun:
                 if entry.ask:
                     typer.prompt(f"{entry.ask}; then press Enter", default="", show_default=False, err=True)
                 prepare(entry.step)
-                for _ in range(entry.repeat):
+                for number in range(entry.repeat):
                     pause.wait(self._console, f"{self._done} of {self._queue.total} measured")
-                    self._console.print(f"{entry.build.name}, step {entry.step}:", highlight=False, soft_wrap=True)
-                    self._measure(entry, noted, measure)
+                    name = entry.named(number)
+                    self._console.print(f"{name}:", highlight=False, soft_wrap=True)
+                    self._measure(entry, name, noted, measure)
         if self._failed:
             raise QueueError(
                 f"{len(self._failed)} of {self._queue.total} measurements failed, the first: {self._failed[0]}; "
@@ -142,28 +157,29 @@ class QueueRun:
     def _measure(
         self,
         entry: QueuedStep,
+        name: str,
         noted: "Callable[[Build, str], Build]",
         measure: "Callable[[QueuedStep, Build], None]",
     ) -> None:
         try:
             build = noted(entry.build, entry.step)
         except PzctlError as error:  # such as that of a thermometer which does not answer
-            self._fail(entry, error)
+            self._fail(name, error)
             return
         try:
             measure(entry, build)
         except DaemonError as error:
             if error.code not in _ENDED_CODES:
                 raise
-            self._fail(entry, error)
+            self._fail(name, error)
         except PzctlError as error:  # the fit; the measurement is in the journal
             self._done += 1
-            self._console.print(f"{entry.build.name}, step {entry.step}: {error}", style="red", markup=False)
+            self._console.print(f"{name}: {error}", style="red", markup=False)
         else:
             self._done += 1
 
-    def _fail(self, entry: QueuedStep, error: PzctlError) -> None:
-        self._failed.append(f"{entry.build.name}, step {entry.step}: {error}")
+    def _fail(self, name: str, error: PzctlError) -> None:
+        self._failed.append(f"{name}: {error}")
         self._console.print(self._failed[-1], style="red", highlight=False, soft_wrap=True, markup=False)
 
     @contextmanager

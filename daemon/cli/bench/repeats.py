@@ -1,6 +1,7 @@
 """Repeated measurements: the time from one start to the next."""
 
 import time
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ...files.durations import seconds_of
@@ -28,6 +29,14 @@ class Pause:
         """Begin; the first start is `first` seconds from now."""
         self._seconds = seconds
         self._next = time.monotonic() + first
+
+    def starts(self, count: int, name: str, console: "Console") -> Iterator[int]:
+        """Yield the number of each of `count` starts, from 0, at its time; say which it is if there are several."""
+        for number in range(count):
+            self.wait(console, f"{name}: {number} of {count} measured")
+            if count > 1:
+                console.print(f"{name}, {number + 1} of {count}:", highlight=False)
+            yield number
 
     def wait(self, console: "Console", done: str) -> None:
         """Wait for the next start with a countdown. A late start does not delay later ones."""

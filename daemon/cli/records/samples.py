@@ -110,14 +110,15 @@ def _list(journal: "JournalReader", as_json: bool) -> None:
     from ...report.tables.unbroken_table import Column, UnbrokenTable
     from ...report.terminal import console
 
-    table = UnbrokenTable("sample", "step", "measured", Column("fits", prose=True), box=SIMPLE_HEAD)
+    further = Column("fits", prose=True), Column("id", spare=1)
+    table = UnbrokenTable("sample", "step", "measured", *further, box=SIMPLE_HEAD)
     for name, of_sample in by_sample.items():
         for k, measured in enumerate(of_sample):
             fits = (
                 ", ".join(journal.fitters(measured.id)) if measured.state == "measured" else _state(journal, measured)
             )
             when = f"{measured.time[:10]} {measured.time[11:19]} UTC"
-            table.add_row("" if k else shown(name), shown(measured.sample.step), when, shown(fits))
+            table.add_row("" if k else shown(name), shown(measured.sample.step), when, shown(fits), measured.id)
         table.add_section()
     console().print(table)
 

@@ -66,13 +66,16 @@ def test_a_queue_is_measured_once_and_continued_where_it_grows(night: Path) -> N
     assert measured(home) == {"X1": 2, "X2": 1}
 
     again = pzctl(home, "measure", "--queue", "night.toml", "--time-scale", "0")
-    assert again.returncode == 1
+    assert (again.returncode, again.stdout) == (1, ""), "no daemon is started"
     assert "3 of 3 measurements of queue 'night 1' are in the journal: all of them" in again.stderr
 
     night.write_text(NIGHT.replace("repeat = 2", "repeat = 3"), encoding="utf-8")
     more = pzctl(home, "measure", "--queue", "night.toml", "--time-scale", "0")
     assert more.returncode == 0, more.stderr
-    assert "3 of 4 measurements of queue 'night 1' are in the journal; 1 are left" in more.stdout
+    assert "3 of 4 measurements of queue 'night 1' are in the journal; 1 is left" in more.stdout
+    assert "X1, step disk, 3 of 3:" in more.stdout
+    listed = [line.split() for line in pzctl(home, "samples").stdout.splitlines()]
+    assert {one["id"] for one in report["measurements"]} <= {line[-1] for line in listed if line}
     assert measured(home) == {"X1": 3, "X2": 1}
 
 
@@ -164,7 +167,9 @@ def test_a_thermometer_that_fails_is_no_measurement(night: Path) -> None:
         raise ReaderError("reader 'thermometer' cannot read: unplugged")
 
     run = QueueRun(read_queue(night), Console(quiet=True))
-    with pytest.raises(QueueError, match=r"3 of 3 measurements failed, the first: X1, step disk: reader 'thermo"):
+    with pytest.raises(
+        QueueError, match=r"3 of 3 measurements failed, the first: X1, step disk, 1 of 2: reader 'thermo"
+    ):
         run.run(lambda step: None, noted, lambda entry, build: pytest.fail("measured without its notes"))
 
 
