@@ -29,6 +29,7 @@ from .resonances import Resonances, fitted_poles, resonances_of
 from .with_build.build_changes import model_changes, step_before
 from .with_build.found_device import FoundDevice
 from .with_build.model_change import ModelChange
+from .with_build.recorded_step import refuse_absent, step_doubt
 
 _REMARKED = 0.1
 """Smallest probability at which an uncertain explanation is mentioned."""
@@ -51,24 +52,27 @@ def compare(before: Sequence[Sweep], after: Sequence[Sweep], build: Build | None
     levels = driven(pair, own, now)
     own = own if levels is None else levels.resonances
     errors = PairErrors(pair, (own, now))
-    inside, described = ((), None) if build is None else _inside(build, step, pair, own, (before, after))
+    inside, described, doubt = ((), None, ()) if build is None else _inside(build, step, pair, own, (before, after))
     searched = search(
         errors, (*two_ports(), *device_changes(pair, own), *([] if levels is None else [levels]), *inside), after_poles
     )
     found = concluded(errors, searched, began)
-    return replace(found, resonances=resonance_shifts(pair, poles, after_poles), described_by=described)
+    says = (found.says[0], *doubt, *found.says[1:])
+    return replace(found, says=says, resonances=resonance_shifts(pair, poles, after_poles), described_by=described)
 
 
 def _inside(
     build: Build, step: str, pair: Pair, own: Resonances, sides: tuple[Sequence[Sweep], Sequence[Sweep]]
-) -> tuple[tuple[ModelChange, ...], DescribedBy]:
-    """Return the changes that the device of a build can have, and how the build describes it."""
+) -> tuple[tuple[ModelChange, ...], DescribedBy, tuple[str, ...]]:
+    """Return the changes that the device of a build can have, how the build describes it, and doubts about the step."""
     right = [[righted(one, turned) for one in side] for side, turned in zip(sides, pair.turned, strict=True)]
     first = FoundDevice.of(build, step, right[0], pair.before, own)
-    second = FoundDevice.of(build, step, right[1], pair.after, own)
     earlier = step_before(build, step)
+    refuse_absent(build, first, earlier)
+    bare = None if earlier is None else FoundDevice.of(build, earlier, right[0], pair.before, own)
+    second = FoundDevice.of(build, step, right[1], pair.after, own)
     stripped = None if earlier is None else FoundDevice.of(build, earlier, right[1], pair.after, own)
-    return model_changes(build, (first, second), stripped, pair.levels), first.described
+    return model_changes(build, (first, second), stripped, pair.levels), first.described, step_doubt(first, bare)
 
 
 def concluded(errors: PairErrors, searched: Searched, began: float) -> Comparison:

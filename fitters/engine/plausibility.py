@@ -189,7 +189,7 @@ def doubts(
 def _elsewhere(layer: LayerSpec, constants: Mapping[str, Constant], *, ran_away: bool) -> str | None:
     """Return a warning if the constants of a glued layer are far from the build's, or its damping is without limit."""
     z = constants[f"{layer.name}.z"]
-    if z.free and z.re < _ABSENT * layer.values["z"].re:
+    if z.free and is_absent(layer, z.re):
         return f"{z.re:.2g} Rayl is no layer: {layer.name!r} is not on the device that was measured as its step."
     found: list[str] = []
     for name in ("z", "c", "q", "thickness"):
@@ -209,6 +209,11 @@ def _elsewhere(layer: LayerSpec, constants: Mapping[str, Constant], *, ran_away:
             "that this step is what was measured, and the layer's material and thickness. Do not use these constants."
         )
     return f"{which}: this layer has another material or thickness than the build file says."
+
+
+def is_absent(layer: LayerSpec, z: float) -> bool:
+    """Return whether a fitted impedance, Rayl, is so small that the elastic layer is not there."""
+    return z < _ABSENT * layer.values["z"].re
 
 
 def few_points(sweeps: Sequence[Sweep], at: float, loss: float) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from ..pictures.diagnosis_picture import diagnosis_figure
 from ..pictures.svg_pictures import svg_of
 from ..tables.deviation import shift_text
 from ..tables.diagnosis_output import constant_rows
+from ..tables.probability import probability_text
 from .html_table import table
 
 
@@ -37,7 +38,7 @@ def _findings(diagnosis: dict[str, Any]) -> str:
         (
             str(f.get("effect")),
             str(f.get("where")),
-            f"{f.get('probability') or 0:.2f}",
+            probability_text(f.get("probability")),
             "; ".join(_size(name, size) for name, size in f.get("parameters", {}).items()),
             _fall(f, "chi2_per_dof"),
             _fall(f, "held_out"),

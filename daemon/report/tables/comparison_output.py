@@ -5,14 +5,18 @@ from typing import Any
 
 from rich.console import Console
 
+from ....fitters.engine.swapped_steps import WRONG
 from ....models.base.plain_numbers import without_exponent
 from ....models.base.uncertain_numbers import with_uncertainty
+from .probability import probability_text
 from .unbroken_table import Column, UnbrokenTable
 
 
 def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
     """Print a comparison (the object of `comparison_json`): the verdict in plain words, then the evidence."""
     console.print(found["says"][0], style="bold", highlight=False)
+    for sentence in found["says"][1 : len(found["says"]) - len(found["findings"])]:
+        console.print(sentence, highlight=False)
     for finding in found["findings"]:
         console.print(f"- {finding['where']}: {finding['says']}", style="yellow", highlight=False)
     if found["findings"]:
@@ -24,7 +28,7 @@ def print_comparison(console: Console, found: Mapping[str, Any]) -> None:
     if found["resonances"]:
         console.print(_resonance_table(found["resonances"]))
     console.print(_bands_table(found["repeatability"]))
-    console.print(f"probability {found['probability']:.3f}; {found['seconds']:.1f} s", highlight=False)
+    console.print(f"probability {probability_text(found['probability'])}; {found['seconds']:.1f} s", highlight=False)
 
 
 def print_many(console: Console, found: Mapping[str, Any]) -> None:
@@ -75,7 +79,7 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
         table.add_row(
             finding["effect"] + (" (gone)" if finding["removed"] else ""),
             finding["where"],
-            f"{finding['probability'] or 0:.3f}",
+            probability_text(finding["probability"]),
             "\n".join(sizes),
             " -> ".join("-" if value is None else f"{value:.3g}" for value in held),
             "\n".join(alike),
@@ -85,7 +89,10 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
 
 def _described(by: Mapping[str, Any]) -> str:
     left = f"{100 * by['rms_log_error']:.2g} %"
-    return f"Build {by['build']}, step {by['step']}: it describes the recording before to {left}; that rest cancels."
+    says = f"Build {by['build']}, step {by['step']}: it describes the recording before to {left}"
+    if by["rms_log_error"] > WRONG:
+        return f"{says} only: check that build and step are those of that recording; what changed inside is not seen."
+    return f"{says}; that rest cancels. The probabilities hold if this is the build of the device."
 
 
 def _resonance_table(resonances: Sequence[Mapping[str, Any]]) -> UnbrokenTable:

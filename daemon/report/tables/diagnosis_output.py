@@ -13,6 +13,7 @@ from ....fitters.interface import Curve
 from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ..json_output.fit_json import constants_json, number
 from .deviation import shift_text
+from .probability import probability_text
 from .unbroken_table import Column, UnbrokenTable
 
 
@@ -139,7 +140,7 @@ def _findings_table(findings: Sequence[Mapping[str, Any]]) -> UnbrokenTable:
             finding["effect"],
             finding["where"],
             finding["step"],
-            f"{finding['probability'] or 0:.3f}",
+            probability_text(finding["probability"]),
             "\n".join(f"{name} {_size(size)}" for name, size in finding["parameters"].items()),
             _fall(before, after, "chi2"),
             bands,

@@ -15,6 +15,7 @@ from ....models.effects import find_effect
 from ....models.effects.base.effect import TERMINALS
 from .diagnosis_output import diagnosis_json
 from .population_table import population_json, population_table
+from .probability import probability_text
 from .unbroken_table import Column, UnbrokenTable
 
 _SHOWN = 1e-6
@@ -152,7 +153,7 @@ def _own_table(joint: JointDiagnosis) -> UnbrokenTable:
     findings = Column("its own findings", prose=True)
     table = UnbrokenTable("sample", "verdict", findings, "left of ln Z", title="Each sample's own", box=SIMPLE_HEAD)
     for sample, one in joint.own.items():
-        findings = ", ".join(f"{f.effect} at {f.where} ({f.probability:.2f})" for f in one.findings)
+        findings = ", ".join(f"{f.effect} at {f.where} ({probability_text(f.probability)})" for f in one.findings)
         left = "-" if one.remaining is None else f"{100 * one.remaining.total:.2g} %"
         table.add_row(sample, one.verdict, findings or "nothing", left)
     return table
