@@ -20,6 +20,11 @@ from guides import BLOCK, run_guide
 from typer.main import get_command
 
 from pzctl.daemon.cli.commands import app
+from pzctl.sim.bench.bench_control import bench_command
+from pzctl.sim.bench.bench_errors import BenchError
+from pzctl.sim.bench.hidden_effects import KINDS
+from pzctl.sim.bench.jig import JIGS
+from pzctl.sim.server import SimOptions, running
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -83,6 +88,17 @@ def test_every_command_in_a_guide_exists() -> None:
                 command, name = command.commands[words[0]], words.pop(0)
             if not hasattr(command, "commands") and "..." not in line:
                 command.make_context(name, [word for word in words if word != ">"])  # it refuses an unknown command
+
+
+def test_the_page_of_the_simulator_has_every_option_and_every_command_of_the_bench() -> None:
+    text = (DOCS / "simulator.md").read_text(encoding="utf-8")
+    whole: Any = get_command(app)
+    options = {option for one in whole.commands["sim"].params for option in (*one.opts, *one.secondary_opts)}
+    with running(SimOptions(port=0, bench_port=0)) as sim, pytest.raises(BenchError) as refused:
+        bench_command("127.0.0.1", sim.bench_port, command="?")
+    commands = str(refused.value).partition("there are ")[2].split(", ")
+    for name in {*options, *JIGS, *KINDS, *commands} - {"--noise", "--quiet", "-q", "--help"}:
+        assert re.search(rf"`{name}( |`)", text), name
 
 
 def test_links_between_pages_are_valid() -> None:

@@ -17,7 +17,7 @@ def sim(
     ] = 5026,
     time_scale: Annotated[float, typer.Option(help="Sweep time relative to a real 4294A; 0 answers at once.")] = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of the sample on the bench and of the noise.")] = 0,
-    jig: Annotated[str, typer.Option(help="The fixture: compensated, coax, clips ...")] = "compensated",
+    jig: Annotated[str, typer.Option(help="The fixture: compensated, coax, clips or ideal.")] = "compensated",
     noise: Annotated[bool, typer.Option(help="Add the analyzer's random noise.")] = True,
     radial: Annotated[bool, typer.Option("--radial", help="Include the disk's radial modes.")] = False,
     prologix_port: Annotated[
