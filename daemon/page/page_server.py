@@ -330,10 +330,10 @@ class _PageRequestHandlers:
         with PageClient(user.name) as lab:
             owned = lab.hello().analyzers
             on = [one for one in owned if command.analyzer in (None, one.name)][:1]
-            if on and on[0].bench is not None:
-                lab.bench({"command": "step", "name": command.step}, command.analyzer)
             build = self._build
             if command.step in [step.name for step in build.steps]:  # the daemon refuses others
+                if on and on[0].bench is not None:
+                    lab.bench({"command": "step", "name": command.step}, command.analyzer)
                 build = noted_build(build, command.step, notes, mass, settings({}).get("readers", ()))
             return JSONResponse({"measurement": lab.begin(build, command.step, analyzer=command.analyzer)})
 

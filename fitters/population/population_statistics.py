@@ -213,7 +213,11 @@ def _warnings(used: Mapping[str, FitResult], constants: Mapping[str, Spread]) ->
     if n > 1 and any(part.within is None for part in parts):
         says.append("this fitter gives no uncertainties: the standard deviation holds both scatter and uncertainty")
     if misfits := [sample for sample, fit in used.items() if fit.chi2_per_dof > _MISFIT]:
-        says.append(f"the model does not describe {', '.join(misfits)} (chi2/dof > {_MISFIT}): expect a bias there")
+        which = "its constants" if len(misfits) == 1 else "their constants"
+        says.append(
+            f"the model does not describe {', '.join(misfits)} (chi2/dof > {_MISFIT}); {which} count like the others, "
+            "but may have a bias: `pzctl diagnose` says what is missing"
+        )
     if shared := [name for name, spread in constants.items() if _is_shared(spread.re)]:
         says.append(
             f"{', '.join(shared)}: the samples agree better than chance allows with such uncertainties; so they share "

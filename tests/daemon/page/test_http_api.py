@@ -72,7 +72,7 @@ def test_a_program_measures_and_reads_the_sweep_and_the_constants(
     (sample,) = json.loads(http("/api/history"))["samples"]
     assert sample["steps"][0]["step"] == "disk"
     for asked, status, says in (
-        ({"body": {"step": "ml9"}}, 409, b"ml9"),
+        ({"body": {"step": "ml9"}}, 409, b"build 'thesis' has no step 'ml9'; it has disk, ml1, ml2"),
         ({"body": {"stop": "disk"}}, 400, b"unknown field `stop`"),
         ({"body": {"step": "disk"}, "token": "of another page"}, 401, b"needs a token"),
     ):

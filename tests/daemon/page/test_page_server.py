@@ -189,7 +189,7 @@ def test_what_was_missed_and_pruned_is_one_sentence(
     asyncio.run(asyncio.wait_for(story(), 90))
 
 
-def test_a_refusal_says_what_to_do(start_daemon, build: Build) -> None:
+def test_a_refusal_says_what_to_do(start_daemon, build: Build, wait_until) -> None:
     def pressed(step: str) -> str:
         body = json.dumps({"step": step}).encode()
         status, _, answer = ask("/api/measure", method="POST", body=body, origin="http://127.0.0.1:8294")
@@ -197,11 +197,14 @@ def test_a_refusal_says_what_to_do(start_daemon, build: Build) -> None:
         return json.loads(answer)["error"]
 
     start_daemon(time_scale=0.2)
-    assert re.match(r"The simulated bench cannot do this: .*'ml9'.* measure the steps in their order\.", pressed("ml9"))
+    assert pressed("ml9") == "build 'B' has no step 'ml9'; it has disk"
     with connect() as lab:
         lab.begin(build, "disk")
         assert pressed("disk").startswith("The instrument measures, or a layer is being glued. Wait until it is done")
         lab.cancel()
+        wait_until(lambda: lab.status().measuring is None)
+        lab.bench({"command": "next"})
+    assert re.match(r"The simulated bench cannot do this: .*'disk' is over.* in their order\.", pressed("disk"))
 
 
 def keep_measurement(home: Path, build: Build, step: str) -> str:
