@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from ...models.base.arrays import Reals
+from ...models.base.uncertain_numbers import with_uncertainty
 from ...models.build import LayerSpec
 from ..interface import Constant
 
@@ -125,7 +126,7 @@ def _better(layer: str, made: str, parts: Sequence[str], relative: _Relative, de
 
 def _shown(layer: str, made: str, derived: Mapping[str, Constant]) -> str:
     constant = derived[f"{layer}.{made}"]
-    return f"{layer}.{made} = {constant.re:.5g} +- {constant.u_re or 0.0:.1g} {constant.unit}"
+    return f"{layer}.{made} = {with_uncertainty(constant.re, constant.u_re)} {constant.unit}"
 
 
 def _rho(rho: float) -> str:

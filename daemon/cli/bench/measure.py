@@ -437,6 +437,6 @@ def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console
             true, value, u = truth.get(name, {}).get(part), fitted[part], fitted[f"u_{part}"]
             if true and u:
                 label = f"{name}.{part}" if fitted["im"] else name
-                error = f"{100 * (value / true - 1):+.2f} %"
+                error = f"{round(100 * (value / true - 1), 2) + 0.0:+.2f} %"  # + 0.0: never -0.00
                 table.add_row(label, f"{value:.5g}", f"{true:.5g}", error, f"{abs(value - true) / u:.1f}")
     console.print(table)

@@ -10,9 +10,9 @@ from ....models.build import Build
 from ...samples.sample_record import StepRecord
 from ..pictures.diagnosis_picture import diagnosis_figure
 from ..pictures.svg_pictures import svg_of
+from ..probability import probability_text
 from ..tables.deviation import shift_text
 from ..tables.diagnosis_output import constant_rows
-from ..tables.probability import probability_text
 from .html_table import table
 
 

@@ -12,6 +12,7 @@ from ....fitters.interface import Curve
 from ....models.base.arrays import Reals
 from ....models.build import Build
 from ....models.sweep import Sweep
+from ..probability import probability_text
 from .correction_panels import MOST_PANELS, draw_corrections
 from .device_sketch import draw_sketch
 from .picture_file import as_label, save_picture
@@ -161,7 +162,7 @@ def _candidates(axes: Any, findings: Sequence[Mapping[str, Any]]) -> None:
         return
     for k, (_, size, colour) in enumerate(bars):
         axes.barh(-k, size, color=colour, height=0.62)
-        axes.text(size + 0.015, -k, f"{size:.3f}" if size > 0.985 else f"{size:.2f}", va="center", fontsize=8.5)
+        axes.text(size + 0.015, -k, probability_text(size), va="center", fontsize=8.5)
     axes.set_yticks([-k for k in range(len(bars))], [as_label(label) for label, *_ in bars], fontsize=8.5)
     axes.set_ylim(-max(len(bars), 3) + 0.5, 0.6)
     axes.set_xlim(0, 1.1)

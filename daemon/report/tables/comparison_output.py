@@ -8,7 +8,7 @@ from rich.console import Console
 from ....fitters.engine.swapped_steps import WRONG
 from ....models.base.plain_numbers import without_exponent
 from ....models.base.uncertain_numbers import with_uncertainty
-from .probability import probability_text
+from ..probability import probability_text
 from .unbroken_table import Column, UnbrokenTable
 
 

@@ -12,8 +12,8 @@ from ....fitters.diagnosis.findings import Diagnosis, Finding, FitSummary
 from ....fitters.interface import Curve
 from ....models.base.uncertain_numbers import complex_with_uncertainty, with_uncertainty
 from ..json_output.fit_json import constants_json, number
+from ..probability import probability_text
 from .deviation import shift_text
-from .probability import probability_text
 from .unbroken_table import Column, UnbrokenTable
 
 

@@ -13,9 +13,9 @@ from ....fitters.population.shared_effects import COMMON, SharedBench, SharedEff
 from ....models.base.uncertain_numbers import with_uncertainty
 from ....models.effects import find_effect
 from ....models.effects.base.effect import TERMINALS
+from ..probability import probability_text
 from .diagnosis_output import diagnosis_json
 from .population_table import population_json, population_table
-from .probability import probability_text
 from .unbroken_table import Column, UnbrokenTable
 
 _SHOWN = 1e-6
