@@ -97,7 +97,7 @@ def _plain(step_record: "StepRecord", build: "Build", fitter: str | None, drawin
 
 
 def _print(screen: "Console", record: "SampleRecord", step_record: "StepRecord", fitter: str | None) -> None:
-    from ...report.tables.diagnosis_output import constants_table
+    from ...report.tables.diagnosis_output import constant_rows, constants_table
     from ...report.tables.fit_tables import print_fit
 
     points = sum(sweep.frequency.size for sweep in step_record.sweeps)
@@ -121,5 +121,5 @@ def _print(screen: "Console", record: "SampleRecord", step_record: "StepRecord",
         diagnosis = step_record.diagnosis.diagnosis
         for sentence in diagnosis.get("says", ()):
             screen.print(f"- {sentence}", highlight=False, markup=False)
-        if diagnosis.get("findings") and (diagnosis.get("final") or {}).get("constants"):
+        if diagnosis.get("findings") and len(constant_rows(diagnosis)) > 1:
             screen.print(constants_table(diagnosis))

@@ -112,8 +112,12 @@ def constants_table(diagnosis: Mapping[str, Any]) -> UnbrokenTable:
 def constant_rows(diagnosis: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Return the fitted constants without and with the findings as rows of text, their heads first."""
     named = any(finding["effect"] not in ("unknown", "polarity") for finding in diagnosis.get("findings") or ())
-    earlier, final = ((diagnosis.get(side) or {}).get("constants", {}) for side in ("baseline", "final"))
-    rows = [("constant", *(("without the findings",) if named else ()), "with them" if named else "fitted", "unit")]
+    before: Mapping[str, Any] = diagnosis.get("baseline") or {}
+    with_them: Mapping[str, Any] = diagnosis.get("final") or {}
+    earlier: Mapping[str, Any] = before.get("constants", {})
+    final: Mapping[str, Any] = with_them.get("constants", {})
+    heads = ("constant", *(("without the findings",) if named else ()), "with them" if named else "fitted", "unit")
+    rows: list[tuple[str, ...]] = [heads]
     for name, after in final.items():
         if after.get("free"):
             sides = (earlier.get(name), after) if named else (after,)
