@@ -99,6 +99,11 @@ class Objective:
         return y, slope
 
     @property
+    def all_priors(self) -> tuple[Prior | Posterior, ...]:
+        """All that is known beforehand, for another objective: of single quantities, and of several coordinates."""
+        return (*self.priors, *self.posteriors)
+
+    @property
     def points(self) -> int:
         """Number of complex points."""
         return sum(recording.sweep.frequency.size for recording in self.recordings)

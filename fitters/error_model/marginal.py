@@ -87,7 +87,7 @@ class Marginal:
     ) -> "Marginal":
         """Return the marginal fit of an objective, without the misfit weights of its recordings."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
-        bare = Objective(plain, objective.coordinates, objective.priors, slopes_later=True)
+        bare = Objective(plain, objective.coordinates, objective.all_priors, slopes_later=True)
         return cls(bare, known or Nothing(), _shapes_of(bare, shapes or {}), local)
 
     def around(self, corrections: Corrections | None) -> "Marginal":
@@ -108,7 +108,7 @@ class Marginal:
         recordings = [replace(one, model=known[id(one.model)]) for one in self.objective.recordings]
         old, held = self.objective.coordinates, self.corrections.held
         start = {name: value * float(np.exp(held.get(name, 0.0))) for name, value in old.start.items()}
-        return Objective(recordings, Coordinates(old.blocks, start, old.free), self.objective.priors, slopes_later=True)
+        return Objective(recordings, Coordinates(old.blocks, start, old.free), self.objective.all_priors, slopes_later=True)
 
     def columns(self, x: Reals) -> ErrorColumns:
         """Return the columns of errors at a point."""

@@ -252,7 +252,7 @@ class ButterworthVanDyke:
             best = _descend(sweep, replace(circuit, branches=ordered), sigma)
         before = best.objective
         recordings = [replace(recording, step=step) for recording in before.recordings]
-        best = replace(best, objective=Objective(recordings, before.coordinates, before.priors))
+        best = replace(best, objective=Objective(recordings, before.coordinates, before.all_priors))
         return FittedModel(best, equivalent_plate(_DEVICE, circuit.C0, ordered[0].fs), _UNITS)
 
 

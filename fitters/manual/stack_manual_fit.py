@@ -42,7 +42,8 @@ class StackManualFit:
             for recording in recordings_of(self.build, step, *zip(*pairs, strict=True))
         ]
         priors = priors_of(self.build, kept)
-        return _StackFitSetup(Problem(LayeredModel(self.build, None), as_devices(recordings), priors, self.values))
+        problem = Problem(LayeredModel(self.build, None), as_devices(recordings), priors, self.values)
+        return _StackFitSetup(problem, priors)
 
     def answer(self, steps: Sequence[str], descent: Descent, seconds: float) -> FitResult:
         """Return the result of a fit over these steps."""
@@ -53,10 +54,10 @@ class StackManualFit:
 
 
 class _StackFitSetup:
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, priors: tuple[Prior, ...]) -> None:
         self._problem = problem
         self.recordings: tuple[Recording, ...] = problem.recordings
-        self.priors: tuple[Prior, ...] = problem.priors
+        self.priors = priors
 
     def places(self, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
         return candidates(self._problem, names)

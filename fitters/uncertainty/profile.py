@@ -42,7 +42,7 @@ class _Profile:
     def drawn(self, target: float, x: Reals) -> tuple[float, float, Reals]:
         """Return the value of the pulled constant, the square root of the rise of the misfit there, and x."""
         prior = Prior(self.name, target, _PULL * self.u)
-        known = (*self.objective.priors, *self.objective.posteriors, prior)
+        known = (*self.objective.all_priors, prior)
         there = descend(Objective(self.objective.recordings, self.objective.coordinates, known), x, _TOLERANCE)
         value = self.objective.coordinates.forward(there.x)[0][self.name]
         rise = 2 * there.cost - ((value - target) / prior.u) ** 2 - self.chi2

@@ -12,7 +12,7 @@ from ...engine.multi_step_fit import Solution, solve
 from ...engine.objective import Objective
 from ...engine.parameters.assembly import library_losses, priors_of
 from ...engine.parameters.coordinates import Block, Coordinates, between, hardly_negative, linear
-from ...engine.recording import Prior, Recording
+from ...engine.recording import Posterior, Prior, Recording
 from ...error_model.error_columns import LocalError
 from ...interface import FitTask
 from ..data_quality.colour_limit import colour_limit
@@ -96,7 +96,7 @@ class Problem:
     model: ModelUnderDiagnosis
     recordings: tuple[Recording, ...]
     """Each with a `Device` as its model."""
-    priors: tuple[Prior, ...]
+    priors: tuple[Prior | Posterior, ...]
     values: Mapping[str, float]
     """Start values of the fits."""
     proof: Masks = ()
@@ -157,7 +157,7 @@ class Problem:
         recordings, causal = _limited(as_devices(objective.recordings, found.scale))
         values, _ = objective.coordinates.forward(found.descent.x)
         proof = held_out(recordings, hold_out)
-        return cls(found, recordings, objective.priors, values, proof, causal=causal)
+        return cls(found, recordings, objective.all_priors, values, proof, causal=causal)
 
     def bare_coordinates(self, values: Mapping[str, float]) -> Coordinates:
         """Return the coordinates of a fit without effects, starting at `values`."""

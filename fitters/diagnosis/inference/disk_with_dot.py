@@ -84,7 +84,7 @@ class _Dotted:
         own = self.found.descent.objective
         device = outside.around(replace(self.found.model, law=law, rough=True, damping=damping), outside.start)
         seen = (replace(one.by(damping, FEW), model=device, misfit=misfit) for one in self.broad)
-        return Objective(list(seen), coordinates, (*own.priors, *own.posteriors, *outside.priors))
+        return Objective(list(seen), coordinates, (*own.all_priors, *outside.priors))
 
 
 def with_dot(task: FitTask, progress: Callable[[str], None], jobs: int) -> DiskBeside | None:
@@ -126,7 +126,7 @@ def _followed(one: _Dotted, progress: Callable[[str], None], jobs: int) -> tuple
 def _at(found: FittedDisk, law: LossLaw, values: Mapping[str, float]) -> FittedDisk:
     """Return the disk with this law and these constants."""
     own, model = found.descent.objective, replace(found.model, law=law)
-    objective = Objective([replace(one, model=model) for one in own.recordings], own.coordinates, own.priors)
+    objective = Objective([replace(one, model=model) for one in own.recordings], own.coordinates, own.all_priors)
     descent = replace(found.descent, objective=objective, x=own.coordinates.inverse(values))
     return replace(found, model=model, descent=descent)
 

@@ -212,7 +212,7 @@ def _whole(few: FittedDisk, base: FittedDisk) -> FittedDisk:
     """Return a fit to a few points as the start of one to all points, which `base` has."""
     own, every = few.descent.objective, base.descent.objective.recordings
     recordings = [replace(one, model=thin.model) for one, thin in zip(every, own.recordings, strict=True)]
-    objective = Objective(recordings, own.coordinates, own.priors)
+    objective = Objective(recordings, own.coordinates, own.all_priors)
     return replace(few, descent=replace(few.descent, objective=objective))
 
 

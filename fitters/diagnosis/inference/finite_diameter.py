@@ -89,7 +89,7 @@ class DiskTried:
             bare = thinner(bare)
         objective = bare.descent.objective
         recordings = [_with_law(one, self.whole.model.law, rough=self.on_a_face) for one in objective.recordings]
-        same = Objective(recordings, objective.coordinates, objective.priors)
+        same = Objective(recordings, objective.coordinates, objective.all_priors)
         made = diagnosable(replace(bare, model=self.whole.model, descent=replace(bare.descent, objective=same)))
         names = frozenset((one.effect.name, one.where) for one in self.beside)
         values, _ = self.whole.descent.objective.coordinates.forward(self.whole.descent.x)

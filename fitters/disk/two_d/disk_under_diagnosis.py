@@ -69,7 +69,7 @@ def plate_of(found: FittedDisk) -> Stack:
 def thinner(found: FittedDisk, points: int = COARSE) -> FittedDisk:
     """Return the fit with a few hundred points of each sweep, for trials."""
     before = found.descent.objective
-    few = Objective([thinned(one, points) for one in before.recordings], before.coordinates, before.priors)
+    few = Objective([thinned(one, points) for one in before.recordings], before.coordinates, before.all_priors)
     return replace(found, descent=replace(found.descent, objective=few))
 
 
@@ -83,12 +83,12 @@ def with_effects(found: FittedDisk, outside: Outside) -> FittedDisk:
     x, evaluations, last, settled = coordinates.x, found.descent.evaluations, math.inf, False
     for _ in range(_TOGETHER):
         recordings = [at_level(each, coordinates, x) for each in recordings]
-        step = descend(Objective(recordings, coordinates, before.priors), x, _TOLERANCE, _MOST)
+        step = descend(Objective(recordings, coordinates, before.all_priors), x, _TOLERANCE, _MOST)
         evaluations, x = evaluations + step.evaluations, step.x
         left = left_of(recordings, coordinates, x)
         settled = left > (1 - _STILL) * last
         last = left
         if settled:
             break
-    descent = judged(recordings, coordinates, before.priors, x, settled, evaluations)
+    descent = judged(recordings, coordinates, before.all_priors, x, settled, evaluations)
     return replace(found, descent=descent)

@@ -76,7 +76,7 @@ def diagnosable_stack(problem: StackProblem, progress: Callable[[str], None]) ->
 def _under_diagnosis(found: FittedStack, seeds: tuple[Seed, ...]) -> StackUnderDiagnosis:
     before = found.descent.objective
     few = [thinned(one, _POINTS) for one in before.recordings]
-    descent = replace(found.descent, objective=Objective(few, before.coordinates, before.priors))
+    descent = replace(found.descent, objective=Objective(few, before.coordinates, before.all_priors))
     scale = plate_of(found.problem, list(found.problem.sweeps)[-1])
     return StackUnderDiagnosis(descent, scale, PLANAR_UNITS, seeds, found)
 
