@@ -8,7 +8,11 @@ import pytest
 from radial_skfem import recorded, solved
 
 from pzctl.fitters.diagnosis.diagnose import diagnose, fitter_to_diagnose
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.disk.radial import RadialLeastSquares
+from pzctl.fitters.engine.objective import Objective
+from pzctl.fitters.engine.recording import Posterior
+from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.interface import FitTask, TaskError
 from pzctl.fitters.layered.bvd import ButterworthVanDyke
 from pzctl.models.build import Build
@@ -52,3 +56,20 @@ def test_what_acts_inside_a_stack_is_refused_for_another_model() -> None:
     with pytest.raises(TaskError, match=rf"'sherrit-radial' cannot be diagnosed.* {known}"):
         fitter_to_diagnose("sherrit-radial")
     assert fitter_to_diagnose("mason") is None
+
+
+def test_a_diagnosis_keeps_what_its_model_knows_of_several_coordinates_together() -> None:
+    # the plane constants and losses of a disk are known so; refits had dropped it
+    f = np.linspace(0.6e6, 1.6e6, 101)
+    circuit = Lumped(1e-9, (Branch.from_resonance(1e6, 80, 1.5e-10),), tan_delta=0.01)
+    task = FitTask(None, {"probe": (recorded(f, circuit.impedance(f), 3),)})
+    found = ButterworthVanDyke().fitted_model(task)
+    fitted = found.descent.objective
+    free = fitted.coordinates.free
+    known = Posterior(free, found.descent.x + 1.0, np.eye(len(free)))
+    objective = Objective(fitted.recordings, fitted.coordinates, (*fitted.all_priors, known))
+    problem = Problem.of_model(replace(found, descent=replace(found.descent, objective=objective)))
+    searched = Marginal.of(problem.objective((), problem.values))
+    assert searched.against(found.descent.x) == pytest.approx(
+        Marginal.of(fitted).against(found.descent.x) + len(free), rel=1e-6
+    )
