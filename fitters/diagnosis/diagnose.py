@@ -205,7 +205,7 @@ class _FiniteDiameter:
         if wide.tried.leaves_much and not search.seeds:
             candidates = explaining_most(problem, search.begin(), search.candidates, wanted.jobs)
             search = replace(search, candidates=candidates)
-        elif wide.tried.on_a_face:
+        elif wide.tried.with_a_dot:
             begun = {one for effects, _ in search.seeds for one in effects}
             possible = (one for one in search.candidates if one in begun or one.effect.of_laws)
             search = replace(search, candidates=tuple(possible))

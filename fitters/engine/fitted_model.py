@@ -40,7 +40,9 @@ def without_effects(descent: Descent, names: Collection[str]) -> Descent:
         return descent
     blocks = tuple(block for block in before.coordinates.blocks if all(map(stays, block.parameters)))
     kept = Coordinates(blocks, own, tuple(filter(stays, before.coordinates.free)))
-    priors = [one for one in before.all_priors if all(map(stays, one.names if isinstance(one, Posterior) else one.needs))]
+    priors = [
+        one for one in before.all_priors if all(map(stays, one.names if isinstance(one, Posterior) else one.needs))
+    ]
     bare = [
         replace(one, model=one.model.bare if isinstance(one.model, Device) else one.model) for one in before.recordings
     ]

@@ -108,7 +108,9 @@ class Marginal:
         recordings = [replace(one, model=known[id(one.model)]) for one in self.objective.recordings]
         old, held = self.objective.coordinates, self.corrections.held
         start = {name: value * float(np.exp(held.get(name, 0.0))) for name, value in old.start.items()}
-        return Objective(recordings, Coordinates(old.blocks, start, old.free), self.objective.all_priors, slopes_later=True)
+        return Objective(
+            recordings, Coordinates(old.blocks, start, old.free), self.objective.all_priors, slopes_later=True
+        )
 
     def columns(self, x: Reals) -> ErrorColumns:
         """Return the columns of errors at a point."""

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeAlias, runtime_checkable
 
-from .arrays import Complexes, Frequencies
+from .arrays import Complexes, Frequencies, softened
 from .model import Model
 
 FACES = ("face:back", "face:front")
@@ -55,17 +55,46 @@ class Dot:
         return math.sqrt(self.fraction * area / math.pi)
 
 
+@dataclass(frozen=True)
+class Coat:
+    """A thin layer of an isotropic solid over a whole face: a printed electrode, ink, wax.
+
+    Much thinner than any wave in it: it moves as the face does, and is stretched with it as a membrane is.
+    """
+
+    mass: float
+    """Mass per area, kg/m2."""
+    speed: float
+    """Speed of longitudinal waves, m/s."""
+    q: float = 20.0
+    """Quality factor of both moduli."""
+    poisson: float = 0.37
+    """Poisson's ratio."""
+    damping: float = 0.0
+    """See `softened`."""
+
+    @property
+    def tension(self) -> tuple[complex, complex]:
+        """Stiffness over its thickness to strains along and across, N/m: c11 and c12 without stress on its face."""
+        c33 = self.mass * self.speed**2 * (1 + 1j / self.q) * softened(self.damping)
+        ratio = self.poisson / (1 - self.poisson)
+        return c33 * (1 - ratio**2), c33 * ratio * (1 - ratio)
+
+
+Load: TypeAlias = Dot | Coat
+"""What may lie on a face."""
+
+
 @runtime_checkable
 class HasFaces(Protocol):
     """A model that is no stack, with faces on which something may lie."""
 
-    @property
-    def open_faces(self) -> Sequence[str]:
-        """Faces that differ from each other (`face:front`); none if the model cannot have anything there."""
+    def faces_for(self, load: type[Load]) -> Sequence[str]:
+        """Return the faces that differ from each other (`face:front`); none if the model cannot have such a load."""
         ...
 
-    def with_dot(self, where: str, dot: Dot) -> Model:
-        """Return the model with a dot on this face."""
+    def with_load(self, where: str, load: Load) -> Model:
+        """Return the model with a load on this face."""
         ...
 
     def moved_by_loads(self, frequency: Frequencies, other: Model) -> Complexes:

@@ -11,11 +11,13 @@ Three steps, each exact up to higher orders:
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy.linalg import orth
+from scipy.linalg import eigh, orth
 
 from ..base.arrays import Complexes, Frequencies, Reals
+from .coat import Coating
 from .full import Shape
 from .line_elements import Numbers, real_times
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, DiskError, ReducedDisk
@@ -49,17 +51,33 @@ class BandModes:
     """Weights of TERMS that the modes belong to, shape (13,)."""
 
 
-def modes_of(disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool) -> BandModes:
+def modes_of(
+    disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool, coating: Coating | None = None
+) -> BandModes:
     """Return the modes of the disk for weights of TERMS, shape (13,); `rough`: without the losses between them.
 
     Raises DiskError for losses that are not finite.
     """
-    squared, shapes = np.linalg.eigh(disk.condensed(weights.real) / shape.mass)
-    losses = None if rough else shapes.T @ (disk.losses(weights) / shape.mass) @ shapes
+    stiffness = disk.condensed(weights.real)
+    if coating is None:
+        squared, shapes = np.linalg.eigh(stiffness / shape.mass)
+    else:
+        of_all = (stiffness + coating.stiffness.real) / shape.mass
+        squared, shapes = _eigh(of_all, np.eye(len(of_all)) + coating.mass)
+    losses = None
+    if not rough:
+        lossy = disk.losses(weights) + (0.0 if coating is None else coating.stiffness.imag)
+        losses = shapes.T @ (lossy / shape.mass) @ shapes
     if losses is not None and not np.all(np.isfinite(losses)):
         raise DiskError("the losses of these constants are not finite: they are those of no disk")
     force: Complexes = disk.force(weights)
     return BandModes(squared, shapes, losses, shapes.T @ force / shape.mass, weights)
+
+
+def _eigh(stiffness: Reals, mass: Reals) -> tuple[Reals, Reals]:
+    """Return squared frequencies and modes, orthonormal by mass."""
+    made: Any = eigh(stiffness, mass)
+    return made
 
 
 def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes, loads: Reals | None = None) -> Numbers:
@@ -135,20 +153,38 @@ class Band:
     """Shape (4, m, np)."""
     drive: Numbers
     """Shape (4, m)."""
+    own_mass: Numbers
+    """Of the disk alone, shape (m, m)."""
     mass: Numbers
-    """Shape (m, m)."""
+    """With that of a coat, shape (m, m)."""
+    coat: Numbers
+    """Stiffness of a coat, shape (m, m); shape () without one."""
+    shapes: Numbers
+    """Shape (nu, m)."""
     disk: ReducedDisk
 
     @classmethod
-    def of(cls, disk: ReducedDisk, shapes: Numbers, shape: Shape, frequency: Frequencies, weights: Complexes) -> "Band":
+    def of(
+        cls,
+        disk: ReducedDisk,
+        shapes: Numbers,
+        shape: Shape,
+        frequency: Frequencies,
+        weights: Complexes,
+        coating: Coating | None = None,
+    ) -> "Band":
         """Project the disk on `shapes`; weights of TERMS at each frequency, shape (N, 13)."""
+        mass = shape.mass * (shapes.T @ shapes)
         return cls(
             frequency,
             weights,
             np.array([shapes.T @ real_times(K, shapes) for K in disk.stiffness]),
             np.array([real_times(G.T, shapes).T for G in disk.coupling]),
             disk.drive @ shapes,
-            shape.mass * (shapes.T @ shapes),
+            mass,
+            mass if coating is None else mass + shape.mass * (shapes.T @ real_times(coating.mass, shapes)),
+            np.array(0.0) if coating is None else shapes.T @ (coating.stiffness @ shapes),
+            shapes,
             disk,
         )
 
@@ -198,10 +234,10 @@ class Band:
     def _condensed(self, weights: Complexes) -> Complexes:
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
         stiffness = np.tensordot(weights[ELASTIC], self.stiffness, 1)
-        return stiffness + (coupling / self.disk.permittivity(weights)) @ coupling.T
+        return self.coat + stiffness + (coupling / self.disk.permittivity(weights)) @ coupling.T
 
     def slopes(self, y: Complexes) -> tuple[Complexes, Complexes]:
-        """Return d(X H X)/d weight of each of TERMS, shape (N, 13), and by the weight of mass, shape (N,); volt apart.
+        """Return d(X H X)/d weight of each of TERMS, shape (N, 13), and by that of the disk's mass, (N,); volt apart.
 
         X is the stationary solution, so its own change does not count: each is X (term) X.
         """
@@ -215,7 +251,12 @@ class Band:
             made[:, k] = 2 * (np.einsum("ni,ni->n", field, potential) + y @ b)
         made[:, EPS11] = -np.einsum("ni,i,ni->n", potential, self.disk.kappa, potential)
         made[:, EPS33] = np.einsum("ni,ni->n", potential, 2 * self.disk.lift - potential)
-        return made, np.einsum("ni,ni->n", y, y @ self.mass)
+        return made, np.einsum("ni,ni->n", y, y @ self.own_mass)
+
+    def on_face(self, y: Complexes) -> Complexes:
+        """Return the `face_forms` of the motion, shape (N, 3)."""
+        moved = y @ self.shapes.T
+        return np.array([np.einsum("ni,ni->n", moved, moved @ form) for form in self.disk.face]).T
 
 
 def _lagrange(x: Reals) -> Reals:

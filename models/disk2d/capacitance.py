@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Reals
+from ..base.face_loads import Coat
 from .band import Band, band_shapes, modes_of
+from .coat import Coating, change_by
 from .full import Shape
 from .matrices import CONSTANTS, OF_TERM, POWERS
 from .reduced import DiskError, ReducedDisk
@@ -53,14 +55,15 @@ def middle_of(weights: Complexes, frequency: Frequencies) -> Complexes:
 
 
 def _in_bands(
-    disk: ReducedDisk, shape: Shape, weights: Complexes, frequency: Frequencies, rough: bool
+    disk: ReducedDisk, shape: Shape, weights: Complexes, frequency: Frequencies, rough: bool, coat: Coat | None
 ) -> list[tuple[slice, Band]]:
-    modes = modes_of(disk, shape, middle_of(weights, frequency), rough)
+    coating = None if coat is None else Coating.of(disk.face, coat, shape)
+    modes = modes_of(disk, shape, middle_of(weights, frequency), rough, coating)
     made: list[tuple[slice, Band]] = []
     for part in bands_of(frequency):
         f = frequency[part]
         shapes = band_shapes(modes, float(f[0]), float(f[-1]), weights[part][f.size // 2])
-        made.append((part, Band.of(disk, shapes, shape, f, weights[part])))
+        made.append((part, Band.of(disk, shapes, shape, f, weights[part], coating)))
     return made
 
 
@@ -106,6 +109,8 @@ class SolvedDisk:
     """Hz, rising, shape (N,)."""
     capacitance: Complexes
     """Y/(jw) in F, shape (N,)."""
+    coat: Coat | None
+    """On both faces."""
     _parts: Sequence[tuple[slice, Band, Complexes]]
     """Bands with their displacements."""
 
@@ -116,21 +121,48 @@ class SolvedDisk:
         by_mass = np.zeros(self.frequency.size, np.complex128)
         for part, band, y in self._parts:
             by_term[part], by_mass[part] = band.slopes(y)
-        return assembled_slopes(self.shape, self.constants, self.frequency, self.capacitance, by_term, by_mass)
+        made = assembled_slopes(self.shape, self.constants, self.frequency, self.capacitance, by_term, by_mass)
+        if self.coat is None:
+            return made
+        # of a coat, only the mass depends on a size: it is in proportion to the area
+        inertia = change_by(replace(self.coat, speed=0.0), self.shape, self.on_faces, self.frequency)
+        return replace(made, by_log_radius=made.by_log_radius - 8 * np.pi * inertia)
+
+    @cached_property
+    def on_faces(self) -> Complexes:
+        """`face_forms` of the motion for one volt, shape (N, 3)."""
+        made = np.empty((self.frequency.size, 3), np.complex128)
+        for part, band, y in self._parts:
+            made[part] = band.on_face(y)
+        return made
+
+    def with_coat(self, coat: Coat | None) -> Complexes:
+        """Return the capacitance with a slightly different coat less that with this one, F, (N,), to first order."""
+        before, after = (
+            0.0 if one is None else change_by(one, self.shape, self.on_faces, self.frequency)
+            for one in (self.coat, coat)
+        )
+        return np.asarray(-4 * np.pi * (after - before), np.complex128)
 
 
 def solved(
-    disk: ReducedDisk, shape: Shape, constants: Complexes, frequency: Frequencies, rough: bool = False
+    disk: ReducedDisk,
+    shape: Shape,
+    constants: Complexes,
+    frequency: Frequencies,
+    rough: bool = False,
+    coat: Coat | None = None,
 ) -> SolvedDisk:
     """Solve the disk at rising frequencies in Hz; constants at each of them, shape (N, 10), SI.
 
     Constants are smooth over an octave, as causal ones are: a parabola in ln f stands for them.
-    `rough`: to a thousandth or so, at half the cost. Raises DiskError for constants that are not finite.
+    `rough`: to a thousandth or so, at half the cost. `coat`: on both faces. Raises DiskError for constants that are not
+    finite.
     """
     made = constants[:, _EPS33S] * np.pi * shape.radius**2 / shape.thickness
     parts: list[tuple[slice, Band, Complexes]] = []
-    for part, band in _in_bands(disk, shape, shape.weights(constants), frequency, rough):
+    for part, band in _in_bands(disk, shape, shape.weights(constants), frequency, rough, coat):
         y, form = band.solve()
         made[part] -= 4 * np.pi * form
         parts.append((part, band, y))
-    return SolvedDisk(shape, constants, frequency, made, parts)
+    return SolvedDisk(shape, constants, frequency, made, coat, parts)

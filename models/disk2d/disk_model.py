@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Complexes, Frequencies, Impedances, j_omega, softened
-from ..base.face_loads import FACES, Dot
+from ..base.face_loads import FACES, Coat, Load
 from ..base.model import Model
 from ..base.names import require
 from ..constants.causal import continued
@@ -28,7 +28,7 @@ _KEPT = 4
 
 @dataclass(frozen=True)
 class Disk2D:
-    """A round disk, electrodes over both faces, free but for dots on these. Satisfies `Model`, `HasLaws`, `HasFaces`.
+    """A round disk, electrodes over both faces, free but for loads of these. Satisfies `Model`, `HasLaws`, `HasFaces`.
 
     `reduced` must have been made for a like D/t, for constants like these and up to the highest frequency asked of
     it: `error.estimate` says whether it serves.
@@ -57,7 +57,9 @@ class Disk2D:
     loadable: Callable[[], LoadableDisk] | None = field(default=None, compare=False, repr=False)
     """Gives the reduced disk whose faces can be loaded, for a like D/t as `reduced`; None: they cannot be."""
     dots: tuple[PlacedDot, ...] = ()
-    """What lies on the faces."""
+    """What lies on parts of the faces."""
+    coat: Coat | None = None
+    """What covers either electrode; not together with dots."""
     _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
     """The last results of this disk and of copies with other values: a fit asks for values first, then derivatives."""
 
@@ -99,17 +101,24 @@ class Disk2D:
             return replace(self, elastic=change(self.elastic or self.law))
         return replace(self, dielectric=change(self.dielectric or self.law))
 
-    @property
-    def open_faces(self) -> tuple[str, ...]:
-        """The front, if a face can be loaded: the back is like it."""
-        return () if self.loadable is None else FACES[1:]
+    def faces_for(self, load: type[Load]) -> tuple[str, ...]:
+        """Return the front if it can have such a load: the back is like it, and a coat covers both."""
+        return FACES[1:] if load is Coat or self.loadable is not None else ()
 
-    def with_dot(self, where: str, dot: Dot) -> Self:
-        """Return the disk with a dot on this face, beside what is on the other. Raises DiskError; see `HasFaces`."""
-        if self.loadable is None or where not in FACES:
+    def with_load(self, where: str, load: Load) -> Self:
+        """Return the disk with a dot on this face, beside what is on the other, or with both faces coated.
+
+        Raises DiskError; see `HasFaces`.
+        """
+        if where not in FACES or not self.faces_for(type(load)):
             raise DiskError(f"disk {self.name!r}: nothing can lie on {where!r} of this model")
+        if self.dots if isinstance(load, Coat) else self.coat:
+            raise DiskError(f"disk {self.name!r}: this model has no dot beside a coat")
+        damped = replace(load, damping=self.damping)
+        if isinstance(damped, Coat):
+            return replace(self, coat=damped)
         others = tuple(one for one in self.dots if one.where != where)
-        return replace(self, dots=(*others, PlacedDot(where, replace(dot, damping=self.damping))))
+        return replace(self, dots=(*others, PlacedDot(where, damped)))
 
     def over(self, frequency: Frequencies) -> Complexes:
         """Return the ten constants at each frequency in Hz, SI units, shape (N, 10)."""
@@ -152,10 +161,12 @@ class Disk2D:
         return -np.sum(made.by_constant * (other.over(frequency) - self.over(frequency)), axis=1) / made.capacitance
 
     def moved_by_loads(self, frequency: Frequencies, other: Model) -> Complexes:
-        """Return ln Z of a disk with slightly different dots less that of this one, to first order, shape (N,)."""
+        """Return ln Z of a disk with slightly different loads less that of this one, to first order, shape (N,)."""
         if not isinstance(other, Disk2D):
             raise TypeError(f"{type(other).__name__} is no disk in two dimensions")
         own = self._solved(frequency)
+        if isinstance(own.rising, SolvedDisk) and not other.dots:
+            return -own.rising.with_coat(other.coat)[own.back] / own.capacitance
         change = own.rising.moved(other.dots) if isinstance(own.rising, DottedDisk) else None
         if change is not None:
             return -change[own.back] / own.capacitance
@@ -184,7 +195,7 @@ class Disk2D:
 
     def _over_rising(self, frequency: Frequencies) -> "SolvedDisk | DottedDisk":
         if not self.dots or self.loadable is None:
-            return solved(self.reduced, self.shape, self.over(frequency), frequency, self.rough)
+            return solved(self.reduced, self.shape, self.over(frequency), frequency, self.rough, self.coat)
         for known in self._known:
             own, alike = known.rising, replace(known.disk, dots=self.dots) == self
             if alike and isinstance(own, DottedDisk) and np.array_equal(own.bare.frequency, frequency):

@@ -66,6 +66,8 @@ class Face:
     """Unknown that is u_r of each node of the line; -1 on the axis, where there is none."""
     axial: NDArray[np.intp]
     """Unknown that is u_z of each node."""
+    electrode: float = 1.0
+    """Radius of the electrode over that of the disk, an end of elements."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,7 @@ def assemble(
     moving = np.concatenate([kept[0].ravel(), kept[1].ravel() + nr * nz])
     number = np.full(2 * nr * nz, -1)
     number[moving] = np.arange(moving.size)
-    face = Face(along_r, number[places[:, -1]], number[places[:, -1] + nr * nz])
+    face = Face(along_r, number[places[:, -1]], number[places[:, -1] + nr * nz], electrode)
     return Matrices(tuple(terms), mass, moving.size, face)
 
 

@@ -9,6 +9,7 @@ from scipy.linalg import eigh
 
 from ..base.arrays import Complexes, Reals
 from ..base.errors import PzctlError
+from .coat import face_forms
 from .full import FullDisk, Shape
 from .line_elements import Numbers
 from .matrices import TERMS
@@ -45,6 +46,8 @@ class ReducedDisk:
     """Displacement shapes over the unknowns of the mesh, shape (n, nu)."""
     p: Reals
     """Potential shapes over the unknowns of the mesh, shape (n, np)."""
+    face: Reals
+    """`face_forms` of the displacement shapes, shape (3, nu, nu)."""
 
     @classmethod
     def of(cls, disk: FullDisk, u: Reals, p: Reals) -> Self:
@@ -61,6 +64,7 @@ class ReducedDisk:
             np.asarray(kappa),
             u,
             p,
+            face_forms(disk.face, u),
         )
 
     def arrays(self) -> dict[str, Reals]:

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..base.face_loads import FACES
+from ..base.face_loads import FACES, Coat, HasFaces
+from ..base.model import Model
 from ..stack import Elastic, Stack
 from .base.added_layer import is_face_of_one_ceramic, with_layer_on_piezo, with_layer_opposite
 from .base.assembly import Assembly
@@ -13,19 +14,24 @@ from .base.scale import areal_mass
 _RIGID, _PASTE, _SOFTEST = 1e9, 1.5e7, 2e6
 """Acoustic impedance of what is practically rigid, of fired silver paste, and of the softest, wax; Rayl."""
 _Q, _SPEED = 50.0, 2000.0
-"""Quality factor of a layer. Its velocity, m/s, does not matter: mass and impedance determine what it does."""
+"""Quality factor of a layer. Its velocity on a plate, m/s, does not matter: mass and impedance say what it does."""
+_SLOWEST, _FIRED, _FASTEST = 1000.0, 3000.0, 5000.0
+"""Velocity of longitudinal waves in a layer on a disk of finite diameter, which stretches it: wax, fired silver paste
+with its pores, and beyond nickel's density for its stiffness; m/s."""
 
 
 class ElectrodeMass(Effect):
     """A thin layer on a face or between two layers; within one band it resembles a softer or thicker disk, to 0.2 %.
 
     Electrodes are printed on both faces of a ceramic. The layer of a face is no rigid mass m where it is thick or soft:
-    it acts as z tan(w m/z)/w.
+    it acts as z tan(w m/z)/w. On a disk of finite diameter both electrodes are alike, and their stiffness counts as
+    much as their mass.
     """
 
     name = "electrode-mass"
     stays = True
     errs_roughly = False
+    lies_on_faces = Coat
     says = "There is a mass at {where} that the build omits: an electrode, wax or ink."
     separates = (
         "weigh the disk and measure its thickness, or sweep the third and fifth overtone; one band is not enough"
@@ -52,11 +58,21 @@ class ElectrodeMass(Effect):
         other = EffectParameter("other", "1", typical=0.3, upper=1.0, fraction=True)
         return (mass, z, other) if is_face_of_one_ceramic(stack, where) else (mass, z)
 
+    def parameters_in(self, model: Model, nominal: Stack, where: str) -> tuple[EffectParameter, ...]:
+        """Return the same; for a model with faces the mass of each electrode, and the speed of waves in it, m/s."""
+        plate = self.effect_parameters(nominal, where)
+        if not isinstance(model, HasFaces):
+            return plate
+        speed = EffectParameter("speed", "m/s", typical=500.0, lower=_SLOWEST, upper=_FASTEST, null=_FIRED)
+        return (plate[0], speed)
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the layer in its place, and with that on the other face."""
         mass, z, other = values["mass"], values.get("impedance", _RIGID), values.get("other", 0.0)
         if mass <= 0:
             return assembly
+        if not assembly.parts:
+            return assembly.on_face(where, Coat(mass, values.get("speed", _FIRED), _Q))
         paste = Elastic(f"{self.name}@{where}", thickness=mass * _SPEED / z, z=z, c=_SPEED, q=_Q)
         there = paste.thickness * other
 

@@ -50,7 +50,7 @@ class LocalMass(Effect):
 
     name = "local-mass"
     stage = Stage.SHARES
-    of_faces = True
+    lies_on_faces = Dot
     says = "Part of {where} carries a mass: a solder dot, a wire, a drop of glue."
     separates = "sweep with pressure contacts before soldering, or weigh the dot"
     references = ("Sauerbrey, Z. Phys. 155 (1959) 206 (local sensitivity to mass)",)

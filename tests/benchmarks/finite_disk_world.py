@@ -1,7 +1,8 @@
 """Disks of finite diameter with one further effect, by general finite elements (scikit-fem): a world for diagnoses.
 
-No formula and no code of the project's models: triangles of order four over the section in r and z, a dot of solder as
-part of the mesh, leads and cables as circuits, and losses by three laws. Every recording is a function of its number.
+No formula and no code of the project's models: triangles of order four over the section in r and z, a dot of solder, a
+dead layer and printed electrodes as parts of the mesh, leads and cables as circuits, and losses by three laws. Every
+recording is a function of its number.
 """
 
 import json
@@ -27,8 +28,12 @@ CERAMICS = {
 }
 """Published constants (Ferroperm; Berlincourt et al.): Pa, C/m2, relative permittivities, kg/m3."""
 SOLDER = {"density": 8500.0, "stiffness": 40e9, "poisson": 0.36, "loss": 0.01}
+SILVER = {"density": 8000.0, "stiffness": 40e9, "poisson": 0.37, "loss": 0.02}
+"""A printed and fired paste, with pores."""
 LAWS = ("causal", "constant", "power")
 EFFECTS = ("lead-inductance", "stray-capacitance", "local-mass", "cable", "series-resistance")
+LATER = ("lead-inductance", "surface-layer", "cable", "electrode-mass", "local-mass")
+"""Effects of the cases from number 400 on."""
 NOISE = 2e-4
 POINTS = 401
 
@@ -76,7 +81,7 @@ class FiniteDiskCase:
 
 
 def drawn(seed):
-    """Return a case: even numbers have no further effect, odd ones the next of EFFECTS; a third each of LAWS."""
+    """Return a case: odd numbers have the next of EFFECTS or LATER, even ones none; a third each of LAWS."""
     rng = np.random.default_rng([21, seed])
     material = str(rng.choice(list(CERAMICS)))
     *ten, density = CERAMICS[material]
@@ -84,7 +89,8 @@ def drawn(seed):
     real = np.array(ten) * np.array([1.0] * 8 + [EPS0] * 2) * off
     thickness = 1e-3 * rng.uniform(0.8, 2.2)
     diameter = thickness * rng.uniform(7, 18)
-    effect = EFFECTS[seed // 2 % len(EFFECTS)] if seed % 2 else ""
+    kinds = EFFECTS if seed < 400 else LATER
+    effect = kinds[seed // 2 % len(kinds)] if seed % 2 else ""
     law = LAWS[seed // 2 % len(LAWS)]
     case = FiniteDiskCase(
         seed,
@@ -118,52 +124,65 @@ def _size(case, rng):
         return {"delay": delay, "impedance": 50.0, "loss_per_root_MHz": 5e-3}
     if case.effect == "local-mass":
         return {"radius": float(rng.uniform(0.06, 0.15)) * case.diameter / 2, "height": 0.25 * case.thickness}
+    if case.effect == "surface-layer":
+        return {"depth": float(np.exp(rng.uniform(np.log(4e-6), np.log(3e-5))))}
+    if case.effect == "electrode-mass":
+        return {"height": float(rng.uniform(4e-6, 1.5e-5)), "other": float(rng.uniform(0.6, 1.0))}
     return {}
 
 
 class FeDisk:
-    """The whole section of a disk, with a dot of solder on its front face if there is one."""
+    """The whole section of a disk, with a dot of solder, a dead layer or electrodes if it has them."""
 
     def __init__(self, case, per_thickness=5):
-        a, t = case.diameter / 2, case.thickness
-        dot = case.effect == "local-mass"
+        a, t, size = case.diameter / 2, case.thickness, case.size
         cells = int(np.ceil(a / t * per_thickness))
         r = np.linspace(0, a, cells + 1)
         z = np.linspace(0, t, per_thickness + 1)
-        edge = case.size.get("radius", 0.0)
-        if dot:
+        edge, low, high = size.get("radius", 0.0), 0.0, t
+        if case.effect == "local-mass":
             r = np.unique(np.append(r[np.abs(r - edge) > 0.3 * a / cells], [0.5 * edge, edge]))
             r = r[(r == 0) | (r >= 0.5 * edge)]
-            z = np.append(z, t + case.size["height"])
-        mesh = MeshTri.init_tensor(r, z)
+            high = t + size["height"]
+        elif case.effect == "electrode-mass":
+            low, high = -size["height"] * size["other"], t + size["height"]
+        live = t - size.get("depth", 0.0)
+        mesh = MeshTri.init_tensor(r, np.unique([low, *z, live, high]))
         middle = mesh.p[:, mesh.t].mean(axis=1)
-        if dot:
+        if case.effect == "local-mass":
             mesh = mesh.restrict(np.flatnonzero((middle[1] < t) | (middle[0] < edge)))
             middle = mesh.p[:, mesh.t].mean(axis=1)
-        element = ElementTriP4()
+        element, inside = ElementTriP4(), (middle[1] > 0) & (middle[1] < t)
         self.whole = Basis(mesh, element, intorder=9)
-        self.parts = [np.flatnonzero(middle[1] < t)] + ([np.flatnonzero(middle[1] > t)] if dot else [])
-        self.bases = [Basis(mesh, element, elements=own, intorder=9) for own in self.parts]
+        kinds = {"disk": inside & (middle[1] < live), "dead": inside & (middle[1] > live), "metal": ~inside}
+        self.forms = {
+            kind: forms_of(Basis(mesh, element, elements=np.flatnonzero(own), intorder=9))
+            for kind, own in kinds.items()
+            if own.any()
+        }
         x, n = self.whole.doflocs, self.whole.N
         every, tiny = np.arange(n), 1e-9 * t
-        inside = (x[1] > tiny) & (x[1] < t - tiny)
-        self.free = np.concatenate([every[x[0] > tiny], n + every, 2 * n + every[inside]])
-        self.driven = 2 * n + every[np.abs(x[1] - t) < tiny]
-        self.case, self.n = case, n
-        self.forms = [forms_of(basis) for basis in self.bases]
+        inner = (x[1] > tiny) & (x[1] < t - tiny)
+        self.free = np.concatenate([every[x[0] > tiny], n + every, 2 * n + every[inner]])
+        self.driven = 2 * n + every[x[1] > t - tiny]  # metal is part of the electrode that it is on
+        self.case = case
 
     def impedance(self, frequency):
         """Return Z in ohm, shape (N,), without what is outside of the disk."""
         units = np.array([1.0] * 5 + [VOLT] * 3 + [VOLT**2] * 2)
+        metal = SOLDER if self.case.effect == "local-mass" else SILVER
         made = []
         for f in frequency:
-            ten = constants_at(self.case, f) * units
-            A = sum(w * form for w, form in zip(ten, self.forms[0], strict=False))
-            A = A - self.case.density * (2 * np.pi * f) ** 2 * self.forms[0][-1]
-            if len(self.forms) > 1:
-                own = zip(_solder() * units, self.forms[1], strict=False)
-                A = A + sum(w * form for w, form in own if w)
-                A = A - SOLDER["density"] * (2 * np.pi * f) ** 2 * self.forms[1][-1]
+            live = constants_at(self.case, f)
+            of = {"disk": live, "dead": _unpoled(live), "metal": _isotropic(metal)}
+            density = {"disk": self.case.density, "dead": self.case.density, "metal": metal["density"]}
+            A = sum(
+                w * form
+                for kind, forms in self.forms.items()
+                for w, form in zip(of[kind] * units, forms, strict=False)
+                if w
+            )
+            A = A - (2 * np.pi * f) ** 2 * sum(density[kind] * forms[-1] for kind, forms in self.forms.items())
             A = A.tocsr()
             x = np.zeros(A.shape[0], complex)
             x[self.driven] = 1 / VOLT
@@ -173,10 +192,23 @@ class FeDisk:
         return np.array(made)
 
 
-def _solder():
-    E, nu = SOLDER["stiffness"] * (1 + 1j * SOLDER["loss"]), SOLDER["poisson"]
+def _isotropic(of):
+    E, nu = of["stiffness"] * (1 + 1j * of["loss"]), of["poisson"]
     first, second = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     return np.array([first + 2 * second, first, first, first + 2 * second, second, 0, 0, 0, 0, 0])
+
+
+def _unpoled(live):
+    """Return the constants of the same ceramic with its grains in all directions, by Voigt's mean of cE and cD."""
+    c11, c12, c13, c33, c44, e31, e33, e15, eps11, eps33 = live
+    c11, c12, c13, c33, c44 = np.array([c11, c12, c13, c33, c44]) + 0.5 * np.array(
+        [e31**2 / eps33, e31**2 / eps33, e31 * e33 / eps33, e33**2 / eps33, e15**2 / eps11]
+    )
+    bulk = (2 * c11 + c33 + 2 * c12 + 4 * c13) / 9
+    shear = (2 * c11 + c33 - c12 - 2 * c13 + 6 * c44 + 3 * (c11 - c12) / 2) / 15
+    lame = bulk - 2 * shear / 3
+    eps = (2 * eps11 + eps33) / 3
+    return np.array([lame + 2 * shear, lame, lame, lame + 2 * shear, shear, 0, 0, 0, eps, eps])
 
 
 def constants_at(case, f):

@@ -14,6 +14,7 @@ from itertools import product
 import numpy as np
 
 from ....models.base.arrays import Reals
+from ....models.base.face_loads import Dot
 from ....models.effects import EffectParameter, find_effect
 from ....models.stack import CONSTANT, LossLaw
 from ...disk.two_d.broadened import Broadening
@@ -92,7 +93,7 @@ def with_dot(task: FitTask, progress: Callable[[str], None], jobs: int) -> DiskB
     progress("fitting the disk in two dimensions as if its overtones merged")
     try:
         found = smoothly_fitted(task, progress, jobs)
-        effect, where = find_effect(_DOT), found.model.open_faces[0]
+        effect, where = find_effect(_DOT), found.model.faces_for(Dot)[0]
         knobs = effect.parameters_in(found.model, plate_of(found), where)
         broad = tuple(map(Broadening.of, found.descent.objective.recordings))
         one = _Dotted(found, Candidate(effect, where, (found.disk.step,), knobs), broad)

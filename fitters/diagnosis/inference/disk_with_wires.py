@@ -37,9 +37,9 @@ _WIRES = (
     ("stray-capacitance", TERMINALS, ("capacitance",)),
 )
 """Effects at the terminals, with their parameters, that are fitted together with a disk that does not fit alone."""
-_LAW = "loss-dispersion"
-"""Effect inside of the disk that is tried together with those at the terminals, because each absorbs part of the other:
-a loss that changes over the band looks like a resistance or a cable."""
+_INSIDE = ("loss-dispersion", "electrode-mass")
+"""Effects on the disk and in it that are tried together with those at the terminals, because each absorbs part of the
+other: a loss that changes over the band looks like a resistance or a cable. Every disk has electrodes."""
 _ROUNDS = 4
 """Budget: descents in two dimensions, of at most twelve steps each."""
 _BESIDE = 3
@@ -217,13 +217,13 @@ def _whole(few: FittedDisk, base: FittedDisk) -> FittedDisk:
 
 
 def _choices(found: FittedDisk) -> list[Candidate]:
-    """Return what may be beside the finite diameter: effects at the terminals and another law of losses."""
-    nominal = plate_of(found)
+    """Return what may be beside the finite diameter: at the terminals, electrodes, and another law of losses."""
+    nominal, model = plate_of(found), found.model
     return [
         Candidate(effect, where, (found.disk.step,), knobs)
-        for effect in (*outside_effects(), find_effect(_LAW))
-        for where in effect.places(nominal)
-        if (knobs := effect.effect_parameters(nominal, where))
+        for effect in (*outside_effects(), *map(find_effect, _INSIDE))
+        for where in effect.looked_for_in(model, nominal)
+        if (knobs := effect.parameters_in(model, nominal, where))
     ]
 
 

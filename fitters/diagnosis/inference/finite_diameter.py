@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import expit
 
 from ....models.base.arrays import Frequencies, Impedances
+from ....models.base.face_loads import Dot
 from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.effects import find_effect
@@ -71,9 +72,9 @@ class DiskTried:
         return self.result.chi2_per_dof > _DENSE and self.result.rms_log_error > DESCRIBED
 
     @property
-    def on_a_face(self) -> bool:
-        """Whether something lies on a face: then the model takes ten times as long, and only laws are sought beside."""
-        return any(one.effect.of_faces for one in self.beside)
+    def with_a_dot(self) -> bool:
+        """Whether a dot lies on a face: then the model takes ten times as long, and only laws are sought beside."""
+        return any(one.effect.lies_on_faces is Dot for one in self.beside)
 
     @property
     def model(self) -> FittedModel:
@@ -83,12 +84,12 @@ class DiskTried:
         face fewer and the quick model must do.
         """
         bare = self.alone
-        if self.on_a_face:
+        if self.with_a_dot:
             bare = thinner(bare, FEW)
         elif self.leaves_much:
             bare = thinner(bare)
         objective = bare.descent.objective
-        recordings = [_with_law(one, self.whole.model.law, rough=self.on_a_face) for one in objective.recordings]
+        recordings = [_with_law(one, self.whole.model.law, rough=self.with_a_dot) for one in objective.recordings]
         same = Objective(recordings, objective.coordinates, objective.all_priors)
         made = diagnosable(replace(bare, model=self.whole.model, descent=replace(bare.descent, objective=same)))
         names = frozenset((one.effect.name, one.where) for one in self.beside)

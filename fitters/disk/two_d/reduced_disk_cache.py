@@ -18,7 +18,7 @@ from ....models.disk2d.training import trained
 from ...data_folder import chosen_folder
 
 _Disk = TypeVar("_Disk")
-_VERSION = 4
+_VERSION = 5
 _GRID = 0.01
 # D/t is rounded to 1 %; the basis is trained for ratios within +-2 %, and used with the disk's own sizes.
 _EDGES = 10_000

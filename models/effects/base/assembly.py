@@ -13,7 +13,7 @@ from typing import Protocol, Self, runtime_checkable
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
-from ...base.face_loads import Dot, HasFaces
+from ...base.face_loads import HasFaces, Load
 from ...base.model import Model
 from ...stack import LossLaw, Stack, Strips
 from ...stack.loss_laws import ComplexLike, LawKind
@@ -229,9 +229,9 @@ class Assembly:
             return self
         return replace(self, whole=self.whole.with_law(layer, kind, change))
 
-    def on_face(self, where: str, dot: Dot) -> Self:
-        """Return the assembly with a dot on a face, if the device is no stack but has faces (else see `split`)."""
-        return replace(self, whole=self.whole.with_dot(where, dot)) if isinstance(self.whole, HasFaces) else self
+    def on_face(self, where: str, load: Load) -> Self:
+        """Return the assembly with a load on a face, if the device is no stack but has faces (else see `split`)."""
+        return replace(self, whole=self.whole.with_load(where, load)) if isinstance(self.whole, HasFaces) else self
 
     def split(self, change: Callable[[ParallelSection], Sequence[ParallelSection]]) -> Self:
         """Return the assembly with every part of the face divided into several."""

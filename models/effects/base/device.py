@@ -212,7 +212,7 @@ class Device:
         step = small_step(knob, value)
         moved, own = self.replace({name: value + step}).assembly, self.assembly
         effect, change = added_effect.effect, None
-        if effect.of_laws or effect.of_faces:
+        if effect.of_laws or effect.lies_on_faces is not None:
             change = (own.moved_by_laws if effect.of_laws else own.moved_by_loads)(frequency, moved)
         if change is None:
             change = moved.steady(frequency) / steady - 1

@@ -1,13 +1,13 @@
 """Definition of an effect: one piece of physics that a model may lack."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import pairwise
 from typing import ClassVar
 
-from ...base.face_loads import HasFaces
+from ...base.face_loads import HasFaces, Load
 from ...base.model import Model
 from ...base.names import numbered
 from ...stack import Stack
@@ -131,8 +131,8 @@ class Effect(ABC):
     of_laws: ClassVar[bool] = False
     """Whether it bends a law of a layer's stiffness or permittivity, which models other than stacks have, too."""
 
-    of_faces: ClassVar[bool] = False
-    """Whether it lies on a face in a way that models other than stacks can have, too (`HasFaces`)."""
+    lies_on_faces: ClassVar[type[Load] | None] = None
+    """What it is on a face of a model that is no stack (`HasFaces`); None if only stacks have it."""
 
     @property
     def physics(self) -> str:
@@ -158,17 +158,22 @@ class Effect(ABC):
         """Return whether a model can have it: a stack any, another what is outside of it, on its faces, in its laws."""
         if self.outside or isinstance(model, Stack):
             return True
-        lawful = self.of_laws and isinstance(model, HasLaws)
-        return lawful or (self.of_faces and isinstance(model, HasFaces) and len(model.open_faces) > 0)
+        return (self.of_laws and isinstance(model, HasLaws)) or len(self._faces_of(model)) > 0
+
+    def _faces_of(self, model: Model) -> Sequence[str]:
+        """Return the faces of a model that is no stack on which it may lie."""
+        if self.lies_on_faces is None or not isinstance(model, HasFaces):
+            return ()
+        return model.faces_for(self.lies_on_faces)
 
     def looked_for_in(self, model: Model, nominal: Stack) -> tuple[str, ...]:
         """Return the places at which a diagnosis looks for it in a model; `nominal`: the model, or a plate like it."""
         if not self.possible_in(model):
             return ()
         there = self.looked_for(nominal)
-        if isinstance(model, Stack) or not (self.of_faces and isinstance(model, HasFaces)):
+        if isinstance(model, Stack) or self.lies_on_faces is None:
             return there
-        return tuple(where for where in there if where in model.open_faces)
+        return tuple(where for where in there if where in self._faces_of(model))
 
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:

@@ -76,7 +76,7 @@ def test_a_damped_disk_with_a_dot_is_the_broadened_one():
     loadable = loadable_disk(RATIO, lambda _: None)
     dot = Dot(fraction=0.01, mass=2.0, impedance=2e7, speed=2800.0, dome=0.3, q=50.0)
     plain, damped = (
-        Disk2D(**{**vars(disk(damping)), "loadable": lambda: loadable, "_known": []}).with_dot("face:front", dot)
+        Disk2D(**{**vars(disk(damping)), "loadable": lambda: loadable, "_known": []}).with_load("face:front", dot)
         for damping in (0.0, 0.1)
     )
     seen = Broadening.of(recorded(plain)).by(0.1, F.size).sweep
