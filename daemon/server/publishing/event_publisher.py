@@ -5,16 +5,23 @@ daemon's event loop, a client that subscribes without end would delay all answer
 XPUB, does not keep subscriptions as messages that fill the memory; it can send the welcome message too.
 """
 
+import logging
 import threading
+import time
 from collections.abc import Callable, Sequence
 
 import zmq
+
+log = logging.getLogger(__name__)
 
 HIGH_WATER = 1000
 """Greatest number of events that wait for the thread; further ones are dropped, which clients notice by `seq`."""
 
 LINGER = 1.0
 """Seconds for sending the last events."""
+
+PAUSE = 0.1
+"""Seconds after an event that could not be sent."""
 
 
 class EventPublisher:
@@ -51,14 +58,18 @@ class EventPublisher:
             end.close()
 
     def _speak(self) -> None:
-        """Send events until the empty message."""
+        """Send events until the empty message. One that cannot be sent is logged, and clients request it again."""
         poller = zmq.Poller()
         poller.register(self._receiver, zmq.POLLIN)
         poller.register(self._events, zmq.POLLIN)  # a PUB has nothing to read, but polling lets it send the welcome
         while True:
-            poller.poll()
-            while self._receiver.poll(0):
-                frames = self._receiver.recv_multipart()
-                if frames == [b""]:
-                    return
-                self._events.send_multipart(frames)
+            try:
+                poller.poll()
+                while self._receiver.poll(0):
+                    frames = self._receiver.recv_multipart(copy=False)  # not copied: large ones need memory
+                    if not any(map(len, frames)):
+                        return
+                    self._events.send_multipart(frames, copy=False)
+            except (MemoryError, zmq.ZMQError) as error:
+                log.error("an event could not be published: %r", error)
+                time.sleep(PAUSE)
