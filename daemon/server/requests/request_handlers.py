@@ -232,11 +232,12 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.ReplayRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         until = self.journal.last_seq if request.until is None else min(request.until, self.journal.last_seq)
-        events = self.journal.replay(request.since, until, request.max)
+        with self._reading() as journal:  # in another thread: fifty long sweeps have sixteen megabytes
+            events = journal.replay(request.since, until, request.max)
+            full = sum(len(frame) for event in events for frame in event) > MOST_REPLAYED
+            more = full or len(events) == request.max
+            missing = journal.missing(request.since, envelope(events[-1]).seq if more else until)
         self.metrics.counts["replayed"] += len(events)
-        full = sum(len(frame) for event in events for frame in event) > MOST_REPLAYED
-        more = full or len(events) == request.max
-        missing = self.journal.missing(request.since, envelope(events[-1]).seq if more else until)
         return _events(request.id, events, more=more, missing=missing)
 
     @answer.register

@@ -55,7 +55,7 @@ ONCE = (
 )
 """Requests that must not be carried out twice; the others may simply be answered again."""
 
-READING = (ask.SamplesRequest, ask.SweepsRequest, ask.FitsRequest)
+READING = (ask.SamplesRequest, ask.SweepsRequest, ask.FitsRequest, ask.ReplayRequest)
 """Requests that may read a large part of the journal, which other threads do."""
 
 LONG = (ask.BenchRequest, ask.LeaseRequest, ask.DiagnoseRequest, *READING)

@@ -97,6 +97,28 @@ def test_lists_of_all_samples_delay_no_sweeps() -> None:
     assert asyncio.run(first()) == "sweeps"
 
 
+@pytest.mark.parametrize("name", ["samples", "sweeps", "fits", "replay"])
+def test_others_are_answered_while_the_journal_is_read(name: str) -> None:
+    go_on = threading.Event()
+
+    def read(request: Request) -> list[bytes]:
+        if request.id == "slow":
+            go_on.wait(20)
+        return []
+
+    async def first() -> object:
+        async with _asking(read) as (client, _):
+            client.send(json.dumps({"request": name, "id": "slow", "measurement": "m", "since": 1}).encode())
+            _send(client, "status", "status")
+            try:
+                return (await _answers(client, 1))[0]["id"]
+            finally:
+                go_on.set()
+                await _answers(client, 1)
+
+    assert asyncio.run(first()) == "status"
+
+
 def test_many_measurements_are_asked_for_at_the_same_time() -> None:
     go_on = threading.Event()
 
