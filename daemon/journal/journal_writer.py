@@ -18,7 +18,7 @@ from ..wire.frames import to_json
 from ..wire.uuid7 import uuid7
 from .journal_reader import JournalMeasurement, JournalReader
 from .opening import open_store
-from .store import JournalError, Store, digest_of
+from .store import JournalAway, JournalError, Store, digest_of
 from .stores.array_file import with_index
 from .stores.chain import chain_found
 from .stores.event_rows import Answer, answer_key, index_of, insert_event, succeeded
@@ -88,13 +88,17 @@ class JournalWriter(JournalReader):
         return next(iter(self._frames("id = ?", event)), None)
 
     def reopened(self) -> Store:
-        """Open this journal's store again after its server was away; the old one stays open."""
+        """Open this journal's store again after its server was away; the old one stays open.
+
+        Raises JournalAway also while the server does not know yet that the old connection has ended.
+        """
         store = open_store(self._place, write=True)
         try:
             store.claim(self.station)
-        except JournalError:
+        except JournalError as error:
             store.close()
-            raise
+            says = f"its server still has the earlier connection of station {self.station!r}, or another daemon has it"
+            raise JournalAway(f"{self.name}: {says}; nothing is measured until it is released") from error
         return store
 
     def resume(self, store: Store) -> None:

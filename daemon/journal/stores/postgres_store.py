@@ -45,6 +45,41 @@ WATCHED: dict[str, Any] = {
 """Settings of every connection on this side: waiting for an answer ends some ten seconds after its server has gone;
 by itself the system would notice it after two hours."""
 
+LONGEST_SILENCE = 30.0
+"""Seconds of waiting for the server after which a connection is given up, longer than its own limit of a statement.
+
+A server that is stopped, or waits for its own disk, keeps its connections, and none of its limits end anything."""
+
+
+class _Connection(psycopg.Connection[tuple[Any, ...]]):
+    """A connection that is closed when the server says nothing for too long."""
+
+    def wait(self, gen: Any, *how: Any, **named: Any) -> Any:
+        """Wait for the server, as all methods do. Raises psycopg.OperationalError."""
+        try:
+            return super().wait(_while_heard(gen), *how, **named)
+        except _SilentError:
+            self.close()
+            raise
+
+
+class _SilentError(psycopg.OperationalError):
+    """The server says nothing."""
+
+
+def _while_heard(gen: Generator[Any, Any, Any]) -> Generator[Any, Any, Any]:
+    """Pass on what a generator of psycopg waits for; it is told many times a second that nothing has come."""
+    ready, heard = None, time.monotonic()
+    while True:
+        try:
+            ready = yield gen.send(ready)
+        except StopIteration as end:
+            return end.value
+        if ready:
+            heard = time.monotonic()
+        elif time.monotonic() - heard > LONGEST_SILENCE:
+            raise _SilentError(f"it has said nothing for {LONGEST_SILENCE:g} s")
+
 
 class PostgresStore(Store):
     """A journal in the database at a URL such as `postgresql://pzctl@lab-server/pzctl`."""
@@ -54,7 +89,7 @@ class PostgresStore(Store):
         self._streams = 0
         _check_url(url, self.name)
         try:
-            self._db = psycopg.connect(url, autocommit=True, **WATCHED)
+            self._db = _Connection.connect(url, autocommit=True, **WATCHED)
         except psycopg.Error as error:
             raise JournalAway(f"{self.name}: the journal cannot be read or written: {_sentence(error)}") from error
         try:

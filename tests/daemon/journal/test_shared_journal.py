@@ -208,6 +208,28 @@ def test_a_record_that_another_wrote_meanwhile_is_not_gone_on_with(url: str, tmp
 
 
 @pytest.mark.usefixtures("impatient")
+def test_a_server_that_stands_still_is_away_until_it_goes_on(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its kernel keeps the connection, and it ends no statement: the daemon waited for ever, also when it had to end."""
+    monkeypatch.setattr(postgres_store, "LONGEST_SILENCE", 0.3)
+    journal = JournalWriter(tmp_path / "one", url, "a")
+    ((still,),) = journal.store.all("SELECT pg_backend_pid()")
+    os.kill(still, signal.SIGSTOP)
+    try:
+        with pytest.raises(JournalAway, match="it has said nothing for 0.3 s"):
+            journal.append(StateEvent(state="started"))
+        with pytest.raises(JournalAway, match="its server still has the earlier connection of station 'a'"):
+            journal.reopened()
+    finally:
+        os.kill(still, signal.SIGCONT)
+    monkeypatch.setattr(postgres_store, "PATIENCE", 20.0)
+    journal.resume(journal.reopened())
+    assert journal.append(StateEvent(state="started"))[0].seq == 1
+    journal.close()
+
+
+@pytest.mark.usefixtures("impatient")
 def test_a_folder_moves_to_the_server_and_is_pruned_there(url: str, build: Build, tmp_path: Path) -> None:
     journal = JournalWriter(tmp_path / "journal")
     measurement, _ = journal.begin_measurement("r", build, "disk")

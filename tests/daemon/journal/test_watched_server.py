@@ -18,7 +18,7 @@ def test_every_connection_is_watched_from_this_side(write: bool, monkeypatch: py
         given.update(options)
         raise psycopg.OperationalError("refused")
 
-    monkeypatch.setattr(psycopg, "connect", refused)
+    monkeypatch.setattr(psycopg.Connection, "connect", refused)
     with pytest.raises(JournalAway):
         JournalReader("postgresql://pzctl@nowhere/record", write=write)
     silent = given["keepalives_idle"] + given["keepalives_interval"] * given["keepalives_count"]
