@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import run_here
+from guest_examples import Echo
 from keyed import asked
 
 from pzctl.daemon.client.client import connect
@@ -22,8 +23,10 @@ from pzctl.daemon.journal.withdrawal import WithdrawalError, withdrawal_event
 from pzctl.daemon.report.document.report_sections import measured
 from pzctl.daemon.samples.sample_record import sample_record
 from pzctl.daemon.samples.sample_selection import journal_samples
+from pzctl.daemon.server.workers.fitter_worker import FitterWorker
 from pzctl.daemon.wire.curve_keys import make_client, make_server
 from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, StateEvent, SweepEvent, sweep_columns
+from pzctl.fitters.interface import FitResult, FitTask
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 
@@ -144,3 +147,20 @@ def test_a_running_daemon_does_it_and_nobody_with_another_key(
             lab.diagnose(two[0], also=[two[1]])
     end(where.pid, signal.SIGTERM)
     assert used() == two[0]
+
+
+def test_a_fit_of_what_is_withdrawn_meanwhile_does_not_end_its_fitter(
+    start_daemon: Callable[..., Location], build: Build
+) -> None:
+    """Nobody waits for the answer, and a new process would have to load everything again."""
+    start_daemon()
+    with connect() as lab:
+        measurement = lab.measure(build, "disk").id
+
+        class Late(Echo):
+            def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
+                assert pzctl("journal", "withdraw", measurement, *WITHDRAW)[0] == 0
+                return super().fit(task, progress)
+
+        FitterWorker("echo", Late(), lab).answer(measurement)
+        assert lab.fits(measurement) == ()

@@ -97,6 +97,8 @@ class FitterWorker:
         try:
             self._client.submit(measurement, sweeps, self._name, self._fitter.version, answer)
         except DaemonError as error:
+            if error.code == "not-measured":  # it was withdrawn meanwhile, so nobody waits for the answer
+                return
             if error.code == "unreachable":
                 raise
             says = f"fitter {self._name!r}: its answer was refused: {error}"
