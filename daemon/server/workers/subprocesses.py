@@ -6,8 +6,12 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
+
+PATIENCE = 2.0
+"""Seconds to wait for the end of a child that was told to end, and again for that of one that was killed."""
 
 
 def start_child(
@@ -32,28 +36,37 @@ def start_child(
 
 
 def end_child(process: "subprocess.Popen[bytes]") -> None:
-    """Terminate a child, or kill it if it does not end within 2 s; close its pipes."""
+    """Terminate a child, or kill it if it does not end soon; close its pipes."""
     if process.poll() is None:
         process.terminate()
-        try:
-            process.wait(2)
-        except subprocess.TimeoutExpired:
+        if not _ends(process):
             process.kill()
-            process.wait()
-    for pipe in (process.stdin, process.stdout):
-        if pipe is not None:
-            pipe.close()
+            _ends(process)
+    _close_pipes(process)
 
 
 def kill_child(process: "subprocess.Popen[bytes]") -> None:
-    """Kill a child that hangs, and its own children, at once."""
+    """Kill a child that hangs, and its own children, at once; close its pipes."""
     if process.poll() is None:
         if sys.platform == "win32":
             process.kill()
         else:
             os.killpg(process.pid, signal.SIGKILL)  # start_child gave it a session, and so a process group, of its own
-    process.wait()
-    end_child(process)
+        _ends(process)
+    _close_pipes(process)
+
+
+def _ends(process: "subprocess.Popen[bytes]") -> bool:
+    """Return whether a child ends soon; even a killed one does not while the system waits, for a dead share say."""
+    with suppress(subprocess.TimeoutExpired):
+        process.wait(PATIENCE)
+    return process.returncode is not None
+
+
+def _close_pipes(process: "subprocess.Popen[bytes]") -> None:
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            pipe.close()
 
 
 def end_with_parent() -> None:

@@ -27,7 +27,7 @@ class WorkerExit:
     """The end of a fitter's process."""
 
     fitter: str
-    code: int
+    code: int | None
     says: str
 
 
