@@ -22,7 +22,8 @@ from ..wire.frames import WireError
 from ..wire.socket_options import limit, unlock
 from .conversations import Conversations
 from .location import address
-from .protocol import Ask, Conversation, Hear, Outcome, Stream, Subscribe, T, Underway, addressee, not_let_in
+from .protocol import Ask, Conversation, Hear, Knock, Outcome, Stream, Subscribe, T, Underway, addressee, not_let_in
+from .reachability import is_refused
 
 P = ParamSpec("P")
 
@@ -155,6 +156,8 @@ class AsyncClient:
                     elif isinstance(step, Hear):
                         if subscriber is not None and await subscriber.poll(math.ceil(1000 * step.seconds)):
                             outcome = await subscriber.recv_multipart()
+                    elif isinstance(step, Knock):
+                        outcome = None if await asyncio.to_thread(is_refused, self._events) else []
                     else:
                         yield step.item
                 except BaseException as error:

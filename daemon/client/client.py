@@ -20,7 +20,8 @@ from ..wire.curve_keys import ClientKey
 from ..wire.socket_options import limit, unlock
 from .conversations import Conversations
 from .location import address
-from .protocol import Ask, Conversation, Hear, Outcome, Stream, Subscribe, T, Underway, addressee, not_let_in
+from .protocol import Ask, Conversation, Hear, Knock, Outcome, Stream, Subscribe, T, Underway, addressee, not_let_in
+from .reachability import is_refused
 
 P = ParamSpec("P")
 Socket: TypeAlias = "zmq.Socket[bytes]"
@@ -149,6 +150,8 @@ class Client:
                         subscriber = self._connected(zmq.SUB, self._events)
                     elif isinstance(step, Hear):
                         outcome = _received(subscriber, step.seconds) if subscriber is not None else None
+                    elif isinstance(step, Knock):
+                        outcome = None if is_refused(self._events) else []
                     else:
                         yield step.item
                 except BaseException as error:

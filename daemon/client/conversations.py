@@ -68,7 +68,7 @@ class Conversations(Questions):
         Events that were missed while the caller was slow or the connection was down are requested again; `missing` is
         called with the range of those that the journal no longer holds. Each listener has its own subscription.
         """
-        follower = yield from self._follow()
+        follower = yield from self._follow(survives_restart=True)
         yield Deliver(None)  # tells the caller that the subscription is open
         while (received := (yield from follower.receive(patience))) is not None:
             if isinstance(received, MissingEvents):
@@ -202,9 +202,9 @@ class Conversations(Questions):
         waiter.take(*(yield from self.fits(measurement)))
         return diagnosis_of((yield from self._wait(waiter, follower, patience)))
 
-    def _follow(self) -> Conversation[EventFollower]:
+    def _follow(self, *, survives_restart: bool = False) -> Conversation[EventFollower]:
         """Subscribe to the events. Do this before sending a request, so that no event about it is missed."""
-        follower = EventFollower(self._events, self._requests)
+        follower = EventFollower(self._events, self._requests, survives_restart=survives_restart)
         yield from follower.open()
         return follower
 

@@ -1,5 +1,6 @@
 """The daemon's events as one gapless sequence: each once, in order, as far as the journal holds them."""
 
+import math
 import time
 from collections import deque
 
@@ -12,6 +13,7 @@ from .protocol import (
     Conversation,
     DaemonError,
     Hear,
+    Knock,
     Subscribe,
     ask_frames,
     first_of,
@@ -23,15 +25,23 @@ SILENCE = 20.0
 """Seconds without a beat after which the daemon is assumed to have ended. It sends a beat every second, but not while
 it waits for the disk to write its journal, and a busy disk can take ten seconds and more."""
 
+QUIET = 2.5
+"""Seconds without a beat after which the daemon's machine is asked whether the daemon is still there."""
+
 
 class EventFollower:
-    """Orders the events of one subscription; it finds missing ones by their `seq` and requests them again."""
+    """Orders the events of one subscription; it finds missing ones by their `seq` and requests them again.
 
-    def __init__(self, events: str, requests: str) -> None:
+    It goes on after a restart of the daemon if it `survives_restart`; whatever waits for a result had better not.
+    """
+
+    def __init__(self, events: str, requests: str, *, survives_restart: bool = False) -> None:
         self._events = events
         self._requests = requests
+        self._quiet = math.inf if survives_restart else QUIET
         self._seq = 0
         self._last_message_at = 0.0
+        self._knock_at = 0.0
         self._waiting: deque[ReceivedEvent | MissingEvents] = deque()
 
     def open(self) -> Conversation[None]:
@@ -48,25 +58,33 @@ class EventFollower:
             raise DaemonError(f"daemon at {self._events}: no welcome within {SILENCE:g} s; is it running?")
         if frames != [WELCOME]:
             raise WireError(f"endpoint {self._events}: it begins with {frames[0][:40]!r}; a pzctl daemon says welcome")
-        self._last_message_at = time.monotonic()
+        self._heard()
 
     def receive(self, patience: float) -> Conversation[ReceivedEvent | MissingEvents | None]:
         """Return the next event other than a beat, or the range missing before it; None after `patience` seconds.
 
-        Raises DaemonError if the daemon has fallen silent, WireError if a message is malformed.
+        Raises DaemonError if the daemon has ended or fallen silent, WireError if a message is malformed.
         """
         deadline = time.monotonic() + patience
         while not self._waiting:
             silent_at = self._last_message_at + SILENCE
-            frames = yield Hear(max(0.0, min(deadline, silent_at) - time.monotonic()))
+            frames = yield Hear(max(0.0, min(deadline, silent_at, self._knock_at) - time.monotonic()))
             if frames is not None:
-                self._last_message_at = time.monotonic()
+                self._heard()
                 yield from self._take(frames)
             elif time.monotonic() >= silent_at:
                 raise DaemonError(f"daemon at {self._events}: silent for {SILENCE:g} s; it has ended or hangs")
             elif time.monotonic() >= deadline:
                 return None
+            elif (yield Knock()) is None:
+                raise DaemonError(f"daemon at {self._events}: it has ended; nobody listens there any more")
+            else:
+                self._knock_at = time.monotonic() + self._quiet
         return self._waiting.popleft()
+
+    def _heard(self) -> None:
+        self._last_message_at = time.monotonic()
+        self._knock_at = self._last_message_at + self._quiet
 
     def _take(self, frames: list[bytes]) -> Conversation[None]:
         """Add a received message to the events in order; first fill the gap before it."""

@@ -56,13 +56,18 @@ class Hear:
 
 
 @dataclass(frozen=True)
+class Knock:
+    """Ask the daemon's machine whether anybody still publishes events there: no frames, or None if nobody does."""
+
+
+@dataclass(frozen=True)
 class Deliver(Generic[T_co]):
     """Hand this item to the caller, who may take any time over it. It has no outcome."""
 
     item: T_co
 
 
-Step: TypeAlias = Ask | Subscribe | Hear
+Step: TypeAlias = Ask | Subscribe | Hear | Knock
 Outcome: TypeAlias = list[bytes] | None
 Conversation: TypeAlias = Generator[Step, Outcome, T]
 """Ends with a result."""

@@ -23,10 +23,10 @@ KEY = "PZCTL_WORKER_KEY"
 
 @dataclass(frozen=True)
 class ProcessExit:
-    """The end of a process: its exit status (negative: the signal; None: it was killed, but is there still), and a
-    sentence."""
+    """The end of a process: its exit status, and a sentence."""
 
     code: int | None
+    """Negative: the signal that ended it; None: it was killed, but is there still."""
     says: str
 
 

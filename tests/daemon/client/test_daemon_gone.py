@@ -1,6 +1,10 @@
 """A daemon that is killed while it measures may leave a bias on: whoever waits is told, in one sentence."""
 
+import asyncio
+import os
 import signal
+import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +13,8 @@ from rich.console import Console
 
 from pzctl.daemon.cli.bench import measure
 from pzctl.daemon.client import event_follower
+from pzctl.daemon.client.async_client import connect_async
+from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.conversations import Conversations
 from pzctl.daemon.client.location import Location
 from pzctl.daemon.client.protocol import Ask, DaemonError, Hear, Underway
@@ -58,6 +64,42 @@ def test_a_daemon_that_falls_silent(monkeypatch: pytest.MonkeyPatch, build: Buil
     with pytest.raises(DaemonError) as gone:
         underway.go_on(None)
     assert str(gone.value) == says
+
+
+def test_who_waits_for_a_killed_daemon_is_told_that_nobody_listens(
+    start_daemon: Callable[..., Location], build: Build, end: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_follower, "SILENCE", 90.0)
+    for asynchronous in (False, True):
+        where = start_daemon(time_scale=1.0)
+
+        def kill(_: object, pid: int = where.pid) -> None:
+            end(pid, signal.SIGKILL)
+
+        async def measured(progress: Callable[[object], None] = kill) -> None:
+            async with connect_async() as lab:
+                await lab.measure(build, "disk", progress=progress)
+
+        with pytest.raises(DaemonError) as gone, connect() as lab:
+            asyncio.run(measured()) if asynchronous else lab.measure(build, "disk", progress=kill)
+        assert str(gone.value) == f"daemon at {where.events}: it has ended; nobody listens there any more"
+
+
+def test_a_daemon_that_is_only_busy_is_not_gone(
+    start_daemon: Callable[..., Location], build: Build, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(event_follower, "QUIET", 0.2)
+    where, stopped = start_daemon(time_scale=1.0), list[threading.Timer]()
+
+    def stop(_: object) -> None:
+        if not stopped:
+            os.kill(where.pid, signal.SIGSTOP)
+            stopped.append(threading.Timer(2.0, os.kill, (where.pid, signal.SIGCONT)))
+            stopped[0].start()
+
+    with connect() as lab:
+        assert lab.measure(build, "disk", progress=stop).sweeps
+    stopped[0].join()
 
 
 def test_a_daemon_that_does_not_answer_the_request_may_have_begun(build: Build) -> None:
