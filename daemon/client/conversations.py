@@ -24,6 +24,10 @@ from .protocol import Conversation, DaemonError, Deliver, Stream, replay_page
 from .questions import Questions
 from .result_waiter import AnswerWaiter, Measurement, MeasurementWaiter, diagnosis_of, fit_of, require
 
+ASK_AGAIN = 10.0
+"""Seconds after which a request for a fit or a diagnosis is sent again while its answer is waited for: one that could
+not be kept in the journal is not published, and the repeated request is refused with the reason."""
+
 
 class MissingEventsWarning(UserWarning):
     """Events that were requested or missed are no longer in the journal."""
@@ -159,9 +163,10 @@ class Conversations(Questions):
         waiter = AnswerWaiter(measurement, fitter)
         waiter.take(*(yield from self.fits(measurement)))
         waiter.forget_given_up()
+        request = FitRequest(id=uuid7(), measurement=measurement, fitter=fitter)
         if waiter.answer is None:
-            yield from self.answer_to(FitRequest(id=uuid7(), measurement=measurement, fitter=fitter), JobAnswer)
-        return fit_of((yield from self._wait(waiter, follower, patience)))
+            yield from self.answer_to(request, JobAnswer)
+        return fit_of((yield from self._wait(waiter, follower, patience, requested=request)))
 
     def diagnose(
         self,
@@ -190,7 +195,7 @@ class Conversations(Questions):
         waiter = AnswerWaiter(measurement, job.fitter, job.version)
         waiter.take(*(yield from self.fits(measurement)))
         waiter.forget_given_up()
-        return diagnosis_of((yield from self._wait(waiter, follower, patience)))
+        return diagnosis_of((yield from self._wait(waiter, follower, patience, requested=request)))
 
     def wait_diagnosis(self, measurement: str, patience: float = 300.0) -> Conversation[dict[str, Any]]:
         """Return the diagnosis that the daemon makes of a measurement by itself; wait up to `patience` seconds.
@@ -209,16 +214,29 @@ class Conversations(Questions):
         return follower
 
     def _wait(
-        self, waiter: AnswerWaiter, follower: EventFollower, patience: float, *, kept: bool = False
+        self,
+        waiter: AnswerWaiter,
+        follower: EventFollower,
+        patience: float,
+        *,
+        kept: bool = False,
+        requested: FitRequest | DiagnoseRequest | None = None,
     ) -> Conversation[ReceivedEvent]:
         """Return the answer, listening until it comes. Raises DaemonError if none comes in time.
 
-        If the daemon has to keep the fitter running (`kept`), also raises DaemonError once it no longer does.
+        If the daemon has to keep the fitter running (`kept`), also raises DaemonError once it no longer does; if the
+        answer was `requested`, once the daemon cannot keep it.
         """
         deadline = time.monotonic() + patience
+        ask_at = math.inf if requested is None else time.monotonic() + ASK_AGAIN
         while (answer := waiter.answer) is None:
-            received = yield from follower.receive(max(0.0, deadline - time.monotonic()))
+            if requested is not None and time.monotonic() >= ask_at:
+                yield from self.answer_to(requested, JobAnswer)  # which is carried out only once
+                ask_at = time.monotonic() + ASK_AGAIN
+            received = yield from follower.receive(max(0.0, min(deadline, ask_at) - time.monotonic()))
             if received is None:
+                if time.monotonic() < deadline:
+                    continue
                 raise DaemonError(f"fitter {waiter.fitter!r}: no answer within {patience:g} s", "no-answer")
             if isinstance(received, MissingEvents):  # the missed events may include the answer: request it
                 waiter.take(*(yield from self.fits(waiter.measurement)))

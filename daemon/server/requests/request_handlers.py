@@ -273,15 +273,14 @@ class RequestHandlers:
             raise RequestError(
                 "no-such-fitter", f"fitter {request.fitter!r} is not installed here; {among(request.fitter, installed)}"
             )
-        return self._start_job(request.id, WorkerJob(request.measurement, request.fitter), None), []
+        return self._start_job(request.id, _job_of(request), None), []
 
     @answer.register
     def _(self, request: ask.DiagnoseRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         for other in request.also:
             self._refuse_withdrawn(_known(self.journal, other))
-        effects = tuple(sorted({*request.effects})) if request.effects else None
-        job = WorkerJob(request.measurement, None, effects, request.also, request.propose)
-        return self._start_job(request.id, job, diagnosis_version(effects, job.also, job.propose)), []
+        job = _job_of(request)
+        return self._start_job(request.id, job, diagnosis_version(job.effects, job.also, job.propose)), []
 
     @answer.register
     def _(self, request: ask.UnansweredRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -314,6 +313,11 @@ class RequestHandlers:
         """Open the journal in another thread; while this one goes on writing, all that is read is of one moment."""
         with closing(self.journal.reader()) as journal, journal.store.snapshot():
             yield journal
+
+    def not_kept(self, request: ask.Request) -> str | None:
+        """Return why there is no answer to a job that was requested, if the journal could not keep it."""
+        is_job = isinstance(request, ask.FitRequest | ask.DiagnoseRequest)
+        return self.jobs.not_kept.get(_job_of(request)) if is_job else None
 
     def audit(self, event: StateEvent) -> None:
         """Publish who requested an action that is carried out whether or not the journal can keep the event.
@@ -390,6 +394,13 @@ def _known(journal: JournalReader, measurement: str) -> JournalMeasurement:
     if known is None:
         raise RequestError("no-such-measurement", f"the journal holds no measurement {measurement!r}")
     return known
+
+
+def _job_of(request: ask.FitRequest | ask.DiagnoseRequest) -> WorkerJob:
+    if isinstance(request, ask.FitRequest):
+        return WorkerJob(request.measurement, request.fitter)
+    effects = tuple(sorted({*request.effects})) if request.effects else None
+    return WorkerJob(request.measurement, None, effects, request.also, request.propose)
 
 
 def asked_for(

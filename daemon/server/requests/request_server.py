@@ -195,6 +195,8 @@ class RequestServer:
         if (given := self._memory.given(client, request.id)) is not None:
             if given.digest != digest:
                 return self._why_not(request.id, _id_in_use(request.id))
+            if (lost := self._handlers.not_kept(request)) is not None:
+                return self._why_not(request.id, JournalError(lost))
             if isinstance(given.said, list) or not full:
                 return given.said
             return given.said.result() if given.said.done() else self._why_not(request.id, _busy())

@@ -1,6 +1,7 @@
 """Requested fits and diagnoses: each in a process of its own, few at a time, limited in time and memory."""
 
 import asyncio
+import logging
 import subprocess
 import sys
 import time
@@ -14,10 +15,13 @@ from ...files.auto_diagnosis import DIAGNOSIS
 from ...files.paths import log_file
 from ...files.worker_limits import Limits
 from ...journal.journal_reader import JournalMeasurement
+from ...journal.store import JournalError
 from ...wire.curve_keys import ClientKey
 from ...wire.events import FitEvent
 from .bounded_logs import keep_newest
 from .process_runner import run_to_end
+
+log = logging.getLogger(__name__)
 
 AT_ONCE = 2
 """Greatest number of jobs that run at the same time; the others wait."""
@@ -63,7 +67,10 @@ class WorkerJob:
 
 @dataclass
 class JobRunner:
-    """Runs jobs. A job that ends without an answer is answered here, with the reason."""
+    """Runs jobs. A job that ends without an answer is answered here, with the reason.
+
+    If the journal refuses that, too, no event can be published, and `not_kept` tells whoever asks again.
+    """
 
     home: Path
     events: str
@@ -72,6 +79,8 @@ class JobRunner:
     limits: Limits
     publish: Callable[[FitEvent], None]
     running: dict[WorkerJob, "asyncio.Task[None]"] = field(default_factory=dict[WorkerJob, "asyncio.Task[None]"])
+    not_kept: dict[WorkerJob, str] = field(default_factory=dict[WorkerJob, str])
+    """Sentences about the latest jobs whose answers the journal refused."""
     _numbers: Iterator[int] = field(default_factory=lambda: count(1))
     _effects: "asyncio.Task[frozenset[str]] | None" = None
     _slots: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(AT_ONCE))
@@ -82,6 +91,7 @@ class JobRunner:
             return True
         if len(self.running) >= MOST:
             return False
+        self.not_kept.pop(job, None)
         task = asyncio.get_running_loop().create_task(self._do(job, of, sweeps))
         self.running[job] = task
         task.add_done_callback(lambda _: self.running.pop(job, None))
@@ -105,28 +115,27 @@ class JobRunner:
         async with self._slots:
             began, most = time.monotonic(), self.limits.seconds
             arguments = [*job.arguments, "--events", self.events, "--requests", self.requests]
-            log = log_file(self.home, f"job-{job.measurement}-{next(self._numbers)}")  # several jobs may be of one
+            output = log_file(self.home, f"job-{job.measurement}-{next(self._numbers)}")  # several jobs may be of one
             end = await run_to_end(
                 "pzctl.daemon.server.workers.job_worker",
                 [*arguments, "--memory-MB", str(self.limits.memory_MB)],
-                log,
+                output,
                 self.key,
                 lambda: f"no answer within {most:g} s" if time.monotonic() - began > most else "",
             )
         if end.code == 0:
-            log.unlink(missing_ok=True)
+            output.unlink(missing_ok=True)
             return
-        keep_newest(log.parent, "job-*.log*", LOGS_KEPT, LARGEST_LOG)
-        self.publish(
-            FitEvent(
-                measurement=of.id,
-                sample=of.sample,
-                fitter=job.name,
-                version="",
-                sweeps=sweeps,
-                error=f"{job.name} of measurement {of.id}: {end.says}",
-            )
-        )
+        keep_newest(output.parent, "job-*.log*", LOGS_KEPT, LARGEST_LOG)
+        says = f"{job.name} of measurement {of.id}: {end.says}"
+        refusal = FitEvent(measurement=of.id, sample=of.sample, fitter=job.name, version="", sweeps=sweeps, error=says)
+        try:
+            self.publish(refusal)
+        except JournalError as error:
+            log.error("not in the journal: %s: %s", says, error)
+            self.not_kept[job] = f"the answer of {job.name} to measurement {of.id} could not be kept: {error}"
+            if len(self.not_kept) > MOST:
+                del self.not_kept[next(iter(self.not_kept))]
 
 
 def _effects() -> frozenset[str]:

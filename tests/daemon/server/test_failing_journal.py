@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 from keyed import asked
 
+from pzctl.daemon.client import conversations
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.location import Location, find
+from pzctl.daemon.client.protocol import DaemonError
 from pzctl.daemon.files.paths import journal_folder, log_file
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.store import JournalError
@@ -21,7 +23,7 @@ from pzctl.models.sweep_plan import Segment, SweepPlan
 
 LONG = SweepPlan(tuple(Segment(1e6, 6e6, 801) for _ in range(200)))
 
-Refusing = Callable[[str], AbstractContextManager[None]]
+Refusing = Callable[..., AbstractContextManager[None]]
 
 
 @pytest.fixture
@@ -29,13 +31,15 @@ def refusing(tmp_path: Path) -> Refusing:
     """Return a context in which the database takes no event with this text in its header, as if the disk were full."""
 
     @contextmanager
-    def refuse(text: str) -> Generator[None]:
+    def refuse(text: str, name: str = "full") -> Generator[None]:
         with closing(sqlite3.connect(journal_folder(tmp_path) / "journal.sqlite", isolation_level=None)) as db:
             condition = f"instr(CAST(NEW.header AS TEXT), '{text}')"
             full = "SELECT RAISE(ABORT, 'the disk is full')"
-            db.execute(f"CREATE TRIGGER full BEFORE INSERT ON events WHEN {condition} BEGIN {full}; END")
-            yield
-            db.execute("DROP TRIGGER full")
+            db.execute(f"CREATE TRIGGER '{name}' BEFORE INSERT ON events WHEN {condition} BEGIN {full}; END")
+            try:
+                yield
+            finally:
+                db.execute(f"DROP TRIGGER '{name}'")
 
     return refuse
 
@@ -107,6 +111,21 @@ def test_cancel_and_shutdown_need_no_journal(
     log = log_file(tmp_path, "daemon").read_text(encoding="utf-8")
     assert "not in the journal: cancelling  by 'local'" in log
     assert "not in the journal: shutdown  by 'local'" in log
+
+
+def test_who_waits_for_a_fit_that_could_not_be_kept_is_told(
+    start_daemon: Callable[..., Location], build: Build, refusing: Refusing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(conversations, "ASK_AGAIN", 0.5)
+    start_daemon()
+    with connect() as lab:
+        measurement = lab.measure(build, "disk").id
+        for work in (lambda: lab.fit(measurement, "mason", 60), lambda: lab.diagnose(measurement, ["cable"], 60)):
+            with refusing('"fit"'), refusing('"diagnosis"', "full too"), pytest.raises(DaemonError) as told:
+                work()
+            assert f"to measurement {measurement} could not be kept: " in str(told.value)
+            assert "the disk is full" in str(told.value)
+        assert lab.fit(measurement, "mason", 60).steps == ("disk",), "it is done again"
 
 
 def test_after_a_failed_commit_the_journal_goes_on(tmp_path: Path) -> None:
