@@ -193,13 +193,7 @@ class RequestServer:
         digest = hashlib.sha256(b"".join(frames)).digest()
         full = self._waiting[key] >= (READ_AT_ONCE if isinstance(request, READING) else AT_ONCE)
         if (given := self._memory.given(client, request.id)) is not None:
-            if given.digest != digest:
-                return self._why_not(request.id, _id_in_use(request.id))
-            if (lost := self._handlers.not_kept(request)) is not None:
-                return self._why_not(request.id, JournalError(lost))
-            if isinstance(given.said, list) or not full:
-                return given.said
-            return given.said.result() if given.said.done() else self._why_not(request.id, _busy())
+            return self._again(request, given, digest, full=full)
         refused = False
         if isinstance(request, LONG) and full:
             outcome, refused = self._why_not(request.id, _busy()), True
@@ -216,6 +210,16 @@ class RequestServer:
         if isinstance(request, ONCE):
             self._memory.keep(client, request.id, GivenAnswer(digest, outcome), refused=refused)
         return outcome
+
+    def _again(self, request: ask.AnyRequest, given: GivenAnswer, digest: bytes, *, full: bool) -> Said:
+        """Return the answer to a request whose id was used before."""
+        if given.digest != digest:
+            return self._why_not(request.id, _id_in_use(request.id))
+        if (lost := self._handlers.not_kept(request)) is not None:
+            return self._why_not(request.id, JournalError(lost))
+        if isinstance(given.said, list) or not full:
+            return given.said
+        return given.said.result() if given.said.done() else self._why_not(request.id, _busy())
 
     def _later(self, request: ask.AnyRequest, client: str, digest: bytes) -> "asyncio.Future[list[bytes]]":
         """Return the answer to a `LONG` request; if the same one is being read for this client already, that one."""
