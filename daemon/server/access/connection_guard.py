@@ -33,7 +33,8 @@ LIFE_SIGNS = 1000.0
 
 MOST_GROWTH = 32 << 20
 """Bytes by which this process may grow after the last complete message of a connection that has sent more than `LITTLE`
-since. Empty frames take thirty times more memory than bytes on the connection."""
+since, if all such connections together have sent more than one message can have: the frames of a message take up to
+four times their bytes on the connection. What one such connection sends cannot be told from an answer that is read."""
 
 LITTLE = 64 << 10
 
@@ -80,6 +81,8 @@ class ConnectionGuard:
         self._counts = counts
         self._lines: dict[str, _Line | None] = {}
         self._heard: set[int] = set()
+        self._unfinished = 0
+        """Bytes of unfinished messages at the last check, of all connections with more than `LITTLE`."""
 
     def heard(self, handle: int) -> None:
         """Record that a complete message was read from the connection with this descriptor."""
@@ -98,10 +101,11 @@ class ConnectionGuard:
         """Cut the connections that sent too much at two checks in a row, as a message may be waiting to be read."""
         memory = _memory()
         known, self._lines = self._lines, {}
+        unfinished, self._unfinished = self._unfinished, 0
         for handle, link in _sockets():
             line = known[link] if link in known else self._line(handle, link, now, memory)
             self._lines[link] = line
-            if line is not None and self._is_too_much(line, now, memory):
+            if line is not None and self._is_too_much(line, now, memory, unfinished):
                 line.looks += 1
                 if line.looks > 1:
                     self._cut(line, "it sends without end")
@@ -131,7 +135,7 @@ class ConnectionGuard:
         came = _came(handle)
         return _Line(handle, link, port, str(peer), now, came, now, came, memory, now) if port in self._most else None
 
-    def _is_too_much(self, line: _Line, now: float, memory: int) -> bool:
+    def _is_too_much(self, line: _Line, now: float, memory: int, unfinished: int) -> bool:
         came = _came(line.handle)
         if line.handle in self._heard:
             line.heard_came, line.heard_memory, line.heard_at = came, memory, now
@@ -140,7 +144,9 @@ class ConnectionGuard:
         if over <= 0:  # an unused allowance is not carried over
             line.came, line.at = came, now
         said = came - line.heard_came - LIFE_SIGNS * (now - line.heard_at)
-        swollen = memory - line.heard_memory > MOST_GROWTH and said > LITTLE
+        if said > LITTLE:
+            self._unfinished += int(said)
+        swollen = memory - line.heard_memory > MOST_GROWTH and said > LITTLE and unfinished > LARGEST_MESSAGE
         if over > self._most[line.port] or swollen:
             return True
         line.looks = 0
