@@ -4,7 +4,7 @@ import asyncio
 import hashlib
 import logging
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
@@ -95,6 +95,8 @@ class RequestServer:
         """Number of answers that each key waits for."""
         self._listing = ThreadPoolExecutor(1, "listing")  # lists of all samples delay no fitter's sweeps
         self._looking = ThreadPoolExecutor(1, "looking")
+        self._turns: defaultdict[tuple[ThreadPoolExecutor, str], asyncio.Lock] = defaultdict(asyncio.Lock)
+        """Only one request of each client waits for a thread, so that clients take turns."""
 
     async def serve(self) -> None:
         """Answer requests until cancelled."""
@@ -245,7 +247,8 @@ class RequestServer:
             if isinstance(request, READING):
                 thread = self._listing if isinstance(request, ask.SamplesRequest) else self._looking
                 loop = asyncio.get_running_loop()
-                answer, more = await loop.run_in_executor(thread, self._handlers.answer, request, (), client)
+                async with self._turns[thread, client]:
+                    answer, more = await loop.run_in_executor(thread, self._handlers.answer, request, (), client)
             else:
                 answer, more = self._handlers.answer(request, (), client)
             if isinstance(request, ask.LeaseRequest) and request.lease is None:  # nothing is measured, so this is soon

@@ -41,7 +41,7 @@ async def _asking(handler: Handler, **options: int) -> AsyncGenerator[tuple["zmq
     handlers = SimpleNamespace(
         metrics=metrics, answer=lambda request, _raw, _client: (Answer(id=request.id), handler(request))
     )
-    access = SimpleNamespace(check=lambda _key, _request: "ana")
+    access = SimpleNamespace(check=lambda _key, request: request.by or "ana")
     with zmq.asyncio.Context() as context, context.socket(zmq.ROUTER) as router, zmq.Context() as theirs:
         port = router.bind_to_random_port("tcp://127.0.0.1")
         with theirs.socket(zmq.DEALER) as client:
@@ -117,6 +117,30 @@ def test_others_are_answered_while_the_journal_is_read(name: str) -> None:
                 await _answers(client, 1)
 
     assert asyncio.run(first()) == "status"
+
+
+def test_clients_take_turns() -> None:
+    """A client that asks a thousand times delays another one by one answer."""
+    go_on, reads = threading.Event(), list[str]()
+
+    def read(request: Request) -> list[bytes]:
+        if request.id != "status":
+            reads.append(request.id)
+            go_on.wait(60)
+        return []
+
+    async def told() -> None:
+        async with _asking(read) as (client, _):
+            for number in range(20):
+                _send(client, "sweeps", f"ana {number}")
+            client.send(json.dumps({"request": "replay", "id": "bea", "since": 1, "by": "bea"}).encode())
+            _send(client, "status", "status")
+            await _answers(client, 1)
+            go_on.set()
+            await _answers(client, 21)
+
+    asyncio.run(told())
+    assert reads.index("bea") == 1
 
 
 def test_many_measurements_are_asked_for_at_the_same_time() -> None:
