@@ -26,6 +26,9 @@ MOST_KNOWN = 1000
 FORGOTTEN = 5.0
 """Seconds without progress, with nothing left to send, after which answers count as dropped by libzmq."""
 
+_ESTABLISHED = 1
+"""The first byte of the kernel's `struct tcp_info` while both sides have the connection open."""
+
 _BYTES_ACKED = 120
 """Offset of `tcpi_bytes_acked` in the kernel's `struct tcp_info`; it ends before `tcpi_bytes_received`."""
 
@@ -54,6 +57,14 @@ class Connection:
     def handle(self) -> int:
         """Its descriptor, or -1 if it has ended."""
         return self._handle if _link(self._handle) == self._link else -1
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether it has ended, or its client has closed it; False where the system does not tell."""
+        if sys.platform != "linux" or self._handle < 0:
+            return False
+        info = _tcp_info(self._handle)
+        return _link(self._handle) != self._link or info is None or info[0] != _ESTABLISHED
 
 
 class UnreadAnswers:
@@ -119,6 +130,19 @@ def _link(handle: int) -> str:
 
 def _told(handle: int) -> tuple[int, int] | None:
     """Return a connection's acknowledged bytes and those that the kernel has not sent yet, or None."""
+    info = _tcp_info(handle)
+    if info is None:
+        return None
+    try:
+        (acknowledged,) = struct.unpack_from("Q", info, _BYTES_ACKED)
+        (unsent,) = struct.unpack_from("I", info, _NOT_SENT)
+    except struct.error:  # an older kernel tells less
+        return None
+    return acknowledged, unsent
+
+
+def _tcp_info(handle: int) -> bytes | None:
+    """Return the kernel's `struct tcp_info` of a connection, or None if there is none."""
     if sys.platform != "linux":
         return None
     try:
@@ -126,11 +150,8 @@ def _told(handle: int) -> tuple[int, int] | None:
     except OSError:
         return None
     try:
-        info = borrowed.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
-        (acknowledged,) = struct.unpack_from("Q", info, _BYTES_ACKED)
-        (unsent,) = struct.unpack_from("I", info, _NOT_SENT)
-    except (OSError, struct.error):
+        return borrowed.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+    except OSError:
         return None
     finally:
         borrowed.detach()
-    return acknowledged, unsent

@@ -91,6 +91,8 @@ class RequestServer:
         self._tasks: set[asyncio.Task[None]] = set()
         self._reading: dict[tuple[str, bytes], asyncio.Future[list[bytes]]] = {}
         """The answers that are being read, by client and hash of the request: one that is sent again is read once."""
+        self._askers: dict[asyncio.Future[list[bytes]], list[Connection]] = {}
+        """The connections that wait for each answer that is still to come."""
         self._waiting: Counter[str | None] = Counter()
         """Number of answers that each key waits for."""
         self._listing = ThreadPoolExecutor(1, "listing")  # lists of all samples delay no fitter's sweeps
@@ -139,7 +141,10 @@ class RequestServer:
             self._send(envelope, answer, began, descriptor)
         else:
             self._waiting[key] += 1
-            later = self._send_later(envelope, answer, began, Connection(descriptor), _id_of(frames), key)
+            connection = Connection(descriptor)
+            self._askers.setdefault(answer, []).append(connection)
+            answer.add_done_callback(lambda done: self._askers.pop(done, None))
+            later = self._send_later(envelope, answer, began, connection, _id_of(frames), key)
             task = asyncio.create_task(later)
             self._tasks.add(task)  # the event loop keeps only a weak reference
             task.add_done_callback(self._tasks.discard)
@@ -245,10 +250,7 @@ class RequestServer:
             if isinstance(request, ask.DiagnoseRequest) and request.effects:
                 _check_effects(request.effects, await self._handlers.jobs.effects())
             if isinstance(request, READING):
-                thread = self._listing if isinstance(request, ask.SamplesRequest) else self._looking
-                loop = asyncio.get_running_loop()
-                async with self._turns[thread, client]:
-                    answer, more = await loop.run_in_executor(thread, self._handlers.answer, request, (), client)
+                answer, more = await self._read_journal(request, client)
             else:
                 answer, more = self._handlers.answer(request, (), client)
             if isinstance(request, ask.LeaseRequest) and request.lease is None:  # nothing is measured, so this is soon
@@ -262,6 +264,16 @@ class RequestServer:
             if isinstance(request, ONCE):
                 self._memory.refuse(client, request.id, for_good=not isinstance(error, JournalError))
             return self._why_not(request.id, error)
+
+    async def _read_journal(self, request: ask.AnyRequest, client: str) -> tuple[reply.Answer, list[bytes]]:
+        """Return the answer that a thread reads, when it is this client's turn and somebody still waits for it."""
+        thread = self._listing if isinstance(request, ask.SamplesRequest) else self._looking
+        task = asyncio.current_task()
+        async with self._turns[thread, client]:
+            if task is not None and all(asker.is_gone for asker in self._askers[task]):
+                raise RequestError("busy", "the connection that asked has ended", "ask again")
+            run = asyncio.get_running_loop().run_in_executor
+            return await run(thread, self._handlers.answer, request, (), client)
 
     def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
         """Return the refusal for an error, and count it."""

@@ -19,6 +19,7 @@ import zmq.asyncio
 
 from pzctl.daemon.journal.journal_reader import JournalMeasurement, JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
+from pzctl.daemon.server.access.connection_guard import _sockets
 from pzctl.daemon.server.access.unread_answers import LITTLE, Connection, UnreadAnswers
 from pzctl.daemon.server.requests.request_handlers import RequestHandlers
 from pzctl.daemon.server.requests.request_server import RequestServer
@@ -55,7 +56,7 @@ async def _asking(handler: Handler, **options: int) -> AsyncGenerator[tuple["zmq
             serving.cancel()
             await asyncio.wait({serving})
             await server.end()
-            while client.poll(200):
+            while not client.closed and client.poll(200):
                 counts[f"at the end: {json.loads(client.recv_multipart()[0])['id']}"] += 1
 
 
@@ -117,6 +118,38 @@ def test_others_are_answered_while_the_journal_is_read(name: str) -> None:
                 await _answers(client, 1)
 
     assert asyncio.run(first()) == "status"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells which connection asked")
+def test_nothing_is_read_for_a_client_that_has_gone() -> None:
+    go_on, reads = threading.Event(), list[str]()
+
+    def read(request: Request) -> list[bytes]:
+        reads.append(request.id)
+        go_on.wait(60)
+        return []
+
+    async def told() -> None:
+        async with _asking(read) as (client, counts):
+            for number in range(20):
+                _send(client, "sweeps", str(number))
+            while not reads:
+                await asyncio.sleep(0.01)
+            connections = _sockets_of_this_process()
+            client.close()
+            while _sockets_of_this_process() > connections - 2:  # both ends are in this process
+                await asyncio.sleep(0.01)
+            go_on.set()
+            async with asyncio.timeout(60):
+                while counts["requests"] < 20:
+                    await asyncio.sleep(0.01)
+
+    asyncio.run(told())
+    assert reads == ["0"]
+
+
+def _sockets_of_this_process() -> int:
+    return len(list(_sockets()))
 
 
 def test_clients_take_turns() -> None:
