@@ -2,6 +2,7 @@
 
 import json
 import os
+import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -62,6 +63,30 @@ def test_answers_that_nobody_reads_are_not_kept_without_end(
             pass
         error = json.loads(answer[0])["error"]
         assert (error["code"], "MB of earlier answers were not read yet" in error["message"]) == ("too-much", True)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="this needs Linux")
+def test_a_client_that_leaves_without_reading_frees_its_connection(
+    start_daemon: Callable[..., Location], measurement: str, wait_until: Callable[..., None]
+) -> None:
+    """The kernel asked for room for its answers on and on, and five hundred such connections let in nobody else."""
+    where = start_daemon()
+    descriptors = Path(f"/proc/{where.pid}/fd")
+    with connect() as lab:
+        lab.fits(measurement)  # a file of the journal stays open
+        before = len(list(descriptors.iterdir()))
+        with zmq.Context() as context, context.socket(zmq.DEALER) as deaf:
+            deaf.linger = 0
+            deaf.set(zmq.RCVHWM, 1)
+            unlocked(deaf, where).connect(where.requests)
+            for k in range(3):
+                request = {"v": 1, "id": str(k), "request": "sweeps", "measurement": measurement}
+                deaf.send(json.dumps(request).encode())
+            wait_until(lambda: lab.metrics().counts["requests"] > 5)
+            time.sleep(2.0)  # what the kernel had room for is read and acknowledged
+            assert len(list(descriptors.iterdir())) > before
+        wait_until(lambda: len(list(descriptors.iterdir())) <= before)
+        lab.status()
 
 
 def test_a_client_that_reads_may_continue(start_daemon: Callable[..., Location], measurement: str) -> None:

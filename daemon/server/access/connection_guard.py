@@ -48,8 +48,12 @@ GONE = 5000
 """Milliseconds without an acknowledgement of what was sent after which a client is gone, whose reset was not told to
 libzmq (`packet_filter`); no heartbeat ends a connection on which data waits to be sent."""
 
-_UNACKED, _LAST_ACK, _BYTES_RECEIVED = 24, 56, 128
-"""Offsets in the kernel's `struct tcp_info`: unacknowledged segments, milliseconds since an acknowledgement, bytes."""
+PROBES = 2
+"""Greatest number of the kernel's questions in a row for room for more data that a client may leave unanswered."""
+
+_PROBES, _UNACKED, _LAST_ACK, _BYTES_RECEIVED = 3, 24, 56, 128
+"""Offsets in the kernel's `struct tcp_info`: unanswered questions for room, unacknowledged segments, milliseconds since
+an acknowledgement, received bytes."""
 
 
 @dataclass
@@ -222,7 +226,8 @@ def _came(handle: int) -> int:
 
 def _is_gone(handle: int) -> bool:
     """Return whether the other side of a connection no longer acknowledges what it is sent."""
-    return _told(handle, "I", _UNACKED) > 0 and _told(handle, "I", _LAST_ACK) > GONE
+    waits = _told(handle, "I", _UNACKED) > 0 or _told(handle, "B", _PROBES) > PROBES
+    return waits and _told(handle, "I", _LAST_ACK) > GONE
 
 
 def _told(handle: int, form: str, offset: int) -> int:
