@@ -138,11 +138,12 @@ class SolvedDisk:
 
     def with_coat(self, coat: Coat | None) -> Complexes:
         """Return the capacitance with a slightly different coat less that with this one, F, (N,), to first order."""
-        before, after = (
-            0.0 if one is None else change_by(one, self.shape, self.on_faces, self.frequency)
-            for one in (self.coat, coat)
-        )
-        return np.asarray(-4 * np.pi * (after - before), np.complex128)
+        return -4 * np.pi * (self._of_coat(coat) - self._of_coat(self.coat))
+
+    def _of_coat(self, coat: Coat | None) -> Complexes:
+        if coat is None:
+            return np.zeros(self.frequency.size, np.complex128)
+        return change_by(coat, self.shape, self.on_faces, self.frequency)
 
 
 def solved(

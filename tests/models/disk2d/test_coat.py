@@ -67,8 +67,14 @@ def test_derivatives_with_electrodes_are_exact(reduced):
     f = np.linspace(0.3e6, 1.3e6, 41)
     bare = disk(reduced)
     effect, plate = find_effect("electrode-mass"), equivalent_plate("disk", 1e-9, 1e6)
-    device = Device(bare, nominal=plate).with_effect(effect, "face:front", {"mass": 0.1, "speed": 2500.0})
-    names = [*bare.parameters(), "electrode-mass@face:front.mass", "electrode-mass@face:front.speed"]
+    own = ["electrode-mass@face:front.mass", "electrode-mass@face:front.speed"]
+    absent = Device(bare, nominal=plate).with_effect(effect, "face:front")
+    by_mass, by_speed = absent.jacobian(f, own)[1]
+    little = absent.replace({own[0]: 1e-6})
+    np.testing.assert_allclose(np.log(little.impedance(f) / bare.impedance(f)) / 1e-6, by_mass, rtol=1e-3)
+    assert not by_speed.any()
+    device = absent.replace({own[0]: 0.1, own[1]: 2500.0})
+    names = [*bare.parameters(), *own]
     for name, row in zip(names, device.jacobian(f, names)[1], strict=True):
         value = device.parameters()[name]
         step = 1e-5 * abs(value if not name.endswith(".im") else device.parameters()[name.replace(".im", ".re")])
