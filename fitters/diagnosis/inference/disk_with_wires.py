@@ -7,6 +7,8 @@ from functools import partial
 import numpy as np
 
 from ....models.base.arrays import Reals
+from ....models.base.face_loads import FACES
+from ....models.disk2d.disk_model import Disk2D
 from ....models.effects import Added, EffectParameter, find_effect, outside_effects
 from ....models.effects.base.effect import TERMINALS
 from ....models.stack import CONSTANT, CausalConstantQ, Stack
@@ -35,8 +37,9 @@ disks of D/t 22 to 50, most of them below 0.2 (tests/benchmarks/test_wide_disks.
 _WIRES = (
     ("lead-inductance", TERMINALS, ("inductance", "resistance")),
     ("stray-capacitance", TERMINALS, ("capacitance",)),
+    ("electrode-mass", FACES[1], ("mass",)),
 )
-"""Effects at the terminals, with their parameters, that are fitted together with a disk that does not fit alone."""
+"""Effects with their parameters that are fitted together with a disk that does not fit alone: wires and electrodes."""
 _INSIDE = ("loss-dispersion", "electrode-mass")
 """Effects on the disk and in it that are tried together with those at the terminals, because each absorbs part of the
 other: a loss that changes over the band looks like a resistance or a cable. Every disk has electrodes."""
@@ -86,8 +89,8 @@ def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], No
     """Return the disk fitted alone, and with the effects at its terminals and in its laws that it seems to have.
 
     With an effect the disk alone may end anywhere, so that no effect added there helps; it is then also searched for
-    with a lead and a stray capacitance, which act as most effects at the terminals do. None if neither leaves less than
-    NEAR.
+    with a lead and a stray capacitance, which act as most effects at the terminals do, and with electrodes. None if
+    neither leaves less than NEAR.
     """
     alone = _attempt(task, min(NEAR, hopeless), jobs, None)
     near = None
@@ -97,7 +100,7 @@ def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], No
             return near
     progress("fitting the disk in two dimensions together with its wires")
     disk = bare_disk(task, NAME, round_one=True, frees=True)
-    joint = _attempt(task, NEAR, jobs, _wires(stack_of(disk.build, disk.build.step(disk.step))))
+    joint = _attempt(task, NEAR, jobs, partial(_wires, stack_of(disk.build, disk.build.step(disk.step))))
     if joint is None:
         return near
     base = _without(joint, [name for name, _, _ in _WIRES])
@@ -137,7 +140,7 @@ def _better(one: DiskBeside, other: DiskBeside | None) -> DiskBeside:
     return min((one, other or one), key=lambda found: chi2_alone(found.whole))
 
 
-def _attempt(task: FitTask, enough: float, jobs: int, outside: Outside | None) -> FittedDisk | None:
+def _attempt(task: FitTask, enough: float, jobs: int, outside: Callable[[Disk2D], Outside] | None) -> FittedDisk | None:
     """Return a quick fit; None if it leaves more of ln Z (rms) than is `enough`."""
     try:
         return fitted_disk(task, _ROUNDS, enough=enough, hopeless=enough, jobs=jobs, outside=outside)
@@ -145,15 +148,15 @@ def _attempt(task: FitTask, enough: float, jobs: int, outside: Outside | None) -
         return None
 
 
-def _wires(nominal: Stack) -> Outside:
-    """Return a lead and a stray capacitance of usual sizes."""
+def _wires(nominal: Stack, model: Disk2D) -> Outside:
+    """Return a lead, a stray capacitance and electrodes of usual sizes."""
     added: list[Added] = []
     blocks: list[Block] = []
     start: dict[str, float] = {}
     priors: list[Posterior] = []
     for effect, where, free in _WIRES:
         found = find_effect(effect)
-        knobs = found.effect_parameters(nominal, where)
+        knobs = found.parameters_in(model, nominal, where)
         one = Candidate(found, where, (), tuple(knob for knob in knobs if knob.name in free))
         added.append(Added(found, where, {knob.name: knob.null for knob in knobs}))
         for name, knob in zip(one.parameters, one.effect_parameters, strict=True):

@@ -1,4 +1,4 @@
-"""The fit of a disk of finite diameter to the recordings of a bare disk, alone or with effects at its terminals."""
+"""The fit of a disk of finite diameter to the recordings of a bare disk, alone or with effects beside it."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -72,17 +72,17 @@ def fitted_disk(
     enough: float = 0.0,
     hopeless: float = math.inf,
     jobs: int = 1,
-    outside: Outside | None = None,
+    outside: Callable[[Disk2D], Outside] | None = None,
 ) -> FittedDisk:
     """Fit the disk; parameters and errors raised as for `finite_disk`.
 
     `hopeless`: rms of ln Z that a description must not exceed; if the most promising places lead to no such one,
-    FitError is raised. `jobs`: number of processes. `outside`: effects at the terminals that are
-    fitted, too.
+    FitError is raised. `jobs`: number of processes. `outside`: returns the effects to be fitted, too, for the disk.
     """
     disk, full, model, electrode = _posed(task, progress)
     progress(f"fitting {disk.step}")
-    law, descent, error = _descend(disk, full, model, task.free, rounds, (enough, hopeless), jobs, outside or Outside())
+    beside = Outside() if outside is None else outside(model)
+    law, descent, error = _descend(disk, full, model, task.free, rounds, (enough, hopeless), jobs, beside)
     return FittedDisk(disk, replace(model, law=law), descent, error, electrode)
 
 

@@ -1,4 +1,4 @@
-"""Effects at the terminals of a disk that are fitted together with it."""
+"""Effects at the terminals of a disk, on it or in its laws, that are fitted together with it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
