@@ -55,11 +55,11 @@ class Disk2D:
     rough: bool = False
     """Accurate to a thousandth or so, at half the cost: for a search."""
     loadable: Callable[[], LoadableDisk] | None = field(default=None, compare=False, repr=False)
-    """Gives the reduced disk whose faces can be loaded, for a like D/t as `reduced`; None: they cannot be."""
+    """Gives the reduced disk on whose faces dots can lie, for a like D/t as `reduced`; None: they can be coated."""
     dots: tuple[PlacedDot, ...] = ()
     """What lies on parts of the faces."""
     coat: Coat | None = None
-    """What covers either electrode; not together with dots."""
+    """What covers either electrode."""
     _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
     """The last results of this disk and of copies with other values: a fit asks for values first, then derivatives."""
 
@@ -102,8 +102,11 @@ class Disk2D:
         return replace(self, dielectric=change(self.dielectric or self.law))
 
     def faces_for(self, load: type[Load]) -> tuple[str, ...]:
-        """Return the front if it can have such a load: the back is like it, and a coat covers both."""
-        return FACES[1:] if load is Coat or self.loadable is not None else ()
+        """Return the front if it can have such a load: the back is like it, and a coat covers both.
+
+        A disk can have dots or a coat, not both.
+        """
+        return FACES[1:] if (load is Coat) == (self.loadable is None) else ()
 
     def with_load(self, where: str, load: Load) -> Self:
         """Return the disk with a dot on this face, beside what is on the other, or with both faces coated.
@@ -111,9 +114,7 @@ class Disk2D:
         Raises DiskError; see `HasFaces`.
         """
         if where not in FACES or not self.faces_for(type(load)):
-            raise DiskError(f"disk {self.name!r}: nothing can lie on {where!r} of this model")
-        if self.dots if isinstance(load, Coat) else self.coat:
-            raise DiskError(f"disk {self.name!r}: this model has no dot beside a coat")
+            raise DiskError(f"disk {self.name!r}: no {type(load).__name__.lower()} can lie on {where!r} of this model")
         damped = replace(load, damping=self.damping)
         if isinstance(damped, Coat):
             return replace(self, coat=damped)

@@ -83,7 +83,14 @@ def test_derivatives_with_electrodes_are_exact(reduced):
         assert np.abs(row - expected).max() < 1e-3 * np.abs(expected).max(), name
 
 
-def test_a_dot_beside_a_coat_is_refused(reduced):
-    coated = replace(disk(reduced), loadable=lambda: None).with_load("face:front", Coat(0.1, 3000.0))
-    with pytest.raises(DiskError, match="has no dot beside a coat"):
-        coated.with_load("face:front", Dot(0.01, 1.0, 2e7, 2800.0))
+def test_a_disk_has_dots_or_a_coat_and_effects_of_the_other_kind_are_not_looked_for(reduced):
+    plate, dot = equivalent_plate("disk", 1e-9, 1e6), Dot(0.01, 1.0, 2e7, 2800.0)
+    plain = disk(reduced)
+    for_dots = replace(plain, loadable=lambda: None)
+    mass, solder = find_effect("electrode-mass"), find_effect("local-mass")
+    assert [one.looked_for_in(plain, plate) for one in (mass, solder)] == [("face:front",), ()]
+    assert [one.looked_for_in(for_dots, plate) for one in (mass, solder)] == [(), ("face:front",)]
+    with pytest.raises(DiskError, match="no dot can lie on 'face:front'"):
+        plain.with_load("face:front", dot)
+    with pytest.raises(DiskError, match="no coat can lie on 'face:front'"):
+        for_dots.with_load("face:front", Coat(0.1, 3000.0))
