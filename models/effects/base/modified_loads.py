@@ -104,13 +104,15 @@ class FiniteBackingLoad(ModifiedLoad):
         """Return sqrt(M) (1 - e)/(1 + e), shape (N,)."""
         lossy = PowerLoss(self.reference, self.exponent).over(1j, frequency)
         fading = self.decay * (1 + 1j * frequency / self.reference * lossy)
-        amplitude = np.minimum(_MOST, self.strength * np.exp(fading.real))
+        amplitude = np.minimum(_MOST, self.strength * np.exp(np.minimum(fading.real, _LARGEST)))
         echo = amplitude * np.exp(1j * (fading.imag - 2 * np.pi * self.delay * frequency))
         return np.divide(1 - echo, 1 + echo, dtype=np.complex128) * np.sqrt(1 + self.loss * lossy)
 
 
 _MOST = 0.999
 """Largest amplitude of an echo; at 1 the impedance would be infinite at some frequencies."""
+_LARGEST = float(np.log(np.finfo(float).max))
+"""Largest exponent without overflow."""
 
 
 def is_backing(load: Load) -> bool:

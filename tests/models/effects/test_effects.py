@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import pzctl
 from pzctl.models.effects import Conditions, Device, EffectError, catalogue, find_effect
 from pzctl.models.effects.base.effect import Stage
+from pzctl.models.effects.base.modified_loads import FiniteBackingLoad
 from pzctl.models.stack import AIR, CausalConstantQ, Elastic, HalfSpace, Piezo, Stack
 
 DESIGN = {
@@ -170,6 +171,12 @@ def test_no_parameter_value_breaks_a_device(device: Device, extreme: float) -> N
     }
     wild = device.replace({name: extreme for name in device.parameters() if name in bounded and name not in own})
     assert np.all(np.isfinite(wild.impedance(WIDE)))
+
+
+def test_an_echo_that_fades_at_once_is_finite() -> None:
+    for exponent in (-1.0, 0.0, 1.0):
+        load = FiniteBackingLoad(HalfSpace("rod", 1e6), 1.0, 1e-5, 1e5, exponent, reference=1e6, loss=0.3)
+        assert np.all(np.isfinite(load.factor(WIDE)))
 
 
 def test_a_new_effect_is_one_new_file(tmp_path: Path) -> None:
