@@ -21,6 +21,7 @@ class Cable(Effect):
     stage = Stage.CABLE
     errs_roughly = False
     odds = 0.7
+    implies = frozenset({"lead-inductance"})
     says = "A length of cable between analyzer and device was not compensated."
     separates = "sweep the cable open and shorted at the device's end, or compensate there"
     references = (

@@ -1,12 +1,13 @@
 """How certain an effect is, averaged over all hypotheses, and which others look like it."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ....models.base.arrays import Complexes, Reals
+from ....models.effects import Effect
 from ...engine.recording import log_ratio
 from ..decision_rules import CLASS, CLASS_NATS, ODDS, RIVALS, UNFORESEEN
 from ..hypotheses.changes import change_by
@@ -22,7 +23,7 @@ _NEGLIGIBLE = 1e-4
 
 @dataclass(frozen=True)
 class Certainty:
-    """Posterior probability of an effect, and of it or any of its look-alikes."""
+    """Posterior probability of an effect, or of a look-alike that is a kind of it, and of any of its look-alikes."""
 
     of_effect: float
     of_class: float
@@ -45,7 +46,8 @@ class Certainties:
             alike = look_alikes(self.search, one, effect)
             rest = {its.effect.name for its in one.effects if its is not effect}
             names = {effect.effect.name, *(its.effect.name for its in alike)} - rest
-            found[effect] = Certainty(self.present({effect.effect.name}), self.present(names), frozenset(alike))
+            own = {effect.effect.name, *kinds_of(effect.effect.name, (its.effect for its in alike))}
+            found[effect] = Certainty(self.present(own), self.present(names), frozenset(alike))
         return found
 
     def present(self, names: Collection[str]) -> float:
@@ -87,6 +89,11 @@ class Certainties:
             powers = powers_of(self.search.problem, one)
             self._itself[one] = {effect: _share(power, other) for effect, power in powers.items()}
         return self._itself[one]
+
+
+def kinds_of(name: str, effects: Iterable[Effect]) -> set[str]:
+    """Return the names of those effects that are a kind of this one."""
+    return {one.name for one in effects if name in one.implies}
 
 
 def _share(power: Reals, other: Reals) -> float:

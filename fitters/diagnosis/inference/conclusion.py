@@ -17,7 +17,7 @@ from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
 from ..validation.forecast import Forecast
-from .certainty import Certainties, Certainty, rivals
+from .certainty import Certainties, Certainty, kinds_of, rivals
 from .effect_size import constants_of, largest_of, moved, moves_a_constant
 
 Kind = Literal["finding", "remark"]
@@ -161,11 +161,15 @@ def _at_its_places(search: GreedySearch, one: Hypothesis) -> Hypothesis:
 
 
 def _most_probable_alike(search: GreedySearch, one: Hypothesis, sure: Mapping[Candidate, Certainty]) -> Hypothesis:
-    """Return the hypothesis with those of its effects and of their look-alikes that are most probably present."""
+    """Return the hypothesis with those of its effects and of their look-alikes that are most probably present.
+
+    Where no kind of an effect is more probable than not, all of them count for it: a lead that may be a cable.
+    """
     choices = product(*((effect, *sure[effect].alike) for effect in one.effects))
     keys = [key for choice in choices if (key := frozenset(choice)) in search.found and len(key) == len(one.key)]
-    names = {effect.effect.name for key in keys for effect in key}
-    present = {name: search.inclusion({name}) for name in names}
+    effects = {effect.effect.name: effect.effect for key in keys for effect in key}
+    vague = [own for name, own in effects.items() if search.inclusion({name}) < NAMED]
+    present = {name: search.inclusion({name, *kinds_of(name, vague)}) for name in effects}
     return search.found[max(keys, key=lambda key: sum(present[effect.effect.name] for effect in key))]
 
 

@@ -109,6 +109,8 @@ class Effect(ABC):
 
     odds: ClassVar[float] = 1.0
     """Frequency of occurrence relative to an indistinguishable look-alike: a judgement, and a mild one."""
+    implies: ClassVar[frozenset[str]] = frozenset()
+    """Names of effects of which it is a kind: what is said of them is true of it, too. A short cable is a lead."""
     divides: ClassVar[bool] = False
     """Whether it divides the face into many strips."""
     formula_errs: ClassVar[bool] = True

@@ -17,6 +17,7 @@ from pzctl.fitters.diagnosis.decision_rules import ODDS, SUREST, UNFORESEEN
 from pzctl.fitters.diagnosis.findings import Alternative, Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
+from pzctl.fitters.diagnosis.hypotheses.problem import Candidate
 from pzctl.fitters.diagnosis.inference import conclusion
 from pzctl.fitters.diagnosis.inference.averaged_constants import averaged_constants
 from pzctl.fitters.diagnosis.inference.certainty import Certainties, Certainty
@@ -37,6 +38,7 @@ from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.score_test import scores
 from pzctl.fitters.error_model.prior_scales import INSTRUMENT
 from pzctl.fitters.interface import Constant
+from pzctl.models.effects import find_effect
 
 
 def test_the_true_effect_is_found_with_its_size(lead_case) -> None:
@@ -98,6 +100,20 @@ def test_of_two_answers_about_as_certain_the_more_probable_one_is_told(monkeypat
     sure["glue1"] = 0.9
     told.append(conclusion._most_certain(search, None)[0])
     assert told == [likely, rare]
+
+
+@pytest.mark.parametrize(("lead", "cable", "told"), [(0.4, 0.45, "lead-inductance"), (0.3, 0.6, "cable")])
+def test_a_lead_that_may_be_a_short_cable_is_a_lead(lead: float, cable: float, told: str) -> None:
+    candidates = {
+        name: Candidate(find_effect(name), "terminals", ("disk",), ()) for name in ("lead-inductance", "cable")
+    }
+    found = {frozenset({one}): SimpleNamespace(effects=(one,), key=frozenset({one})) for one in candidates.values()}
+    probable = {"lead-inductance": lead, "cable": cable}
+    search = SimpleNamespace(found=found, inclusion=lambda names: sum(probable.get(name, 0.0) for name in names))
+    first = next(iter(found.values()))
+    sure = {first.effects[0]: Certainty(lead, lead + cable, frozenset(candidates.values()) - first.key)}
+    (named,) = conclusion._most_probable_alike(search, first, sure).effects
+    assert named.effect.name == told
 
 
 def test_only_the_part_that_constants_cannot_absorb_counts_as_an_effects_shift(lead_case) -> None:
