@@ -145,7 +145,7 @@ function showFit() {
   const derived = Object.entries(fit?.derived ?? {}).filter(([name]) => limitsOf(name).length);
   body.replaceChildren(...[...Object.entries(fit?.constants ?? {}), ...derived].map(([name, c]) => {
     const row = element("tr", "", { className: c.free ? "" : "held" }), sheet = view.build.sheet[name];
-    const percent = c.free && sheet?.re ? ` (${(100 * (c.re / sheet.re - 1)).toFixed(1)} %)` : "";
+    const percent = c.free && sheet?.re ? ` (${(Math.round(1000 * (c.re / sheet.re - 1)) / 10 || 0).toFixed(1)} %)` : "";
     const far = c.free && sheet && Math.abs(c.re - sheet.re) > 2 * Math.hypot(c.u_re ?? 0, sheet.u);
     row.append(element("td", name), element("td", complexWithUncertainty(c)), element("td", c.unit),
       element("td", sheet ? complexWithUncertainty(sheet) + percent : "", { className: far ? "off" : "" }), limitsCell(limitsOf(name)));
