@@ -139,7 +139,9 @@ function showFit() {
   $("verdict").hidden = !judged;
   Object.assign($("verdict"), { textContent: judged ? `limits: ${judged.verdict}` : "", className: `verdict ${judged?.verdict ?? ""}` });
   $("chi2").className = `big ${!fit ? "" : fit.chi2_per_dof < 1.5 ? "good" : "bad"}`;
-  const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? "Model and recording agree to within the noise." : "The recording shows an effect that the model lacks."];
+  const found = view.diagnosis?.findings?.length > 0;
+  const agrees = found ? "This fit agrees with the recording to within the noise: it has what the diagnosis has found, or its constants absorb it." : "Model and recording agree to within the noise.";
+  const meaning = !fit ? [] : [fit.chi2_per_dof < 1.5 ? agrees : "The recording shows an effect that the model lacks."];
   const words = [...view.withdrawn, ...meaning, ...(fit?.says ?? []), ...(view.diagnosis?.says ?? []), ...(judged?.limits ?? []).filter((one) => one.says).map((one) => `${one.constant}: ${one.says}`)];
   $("words").replaceChildren(...words.map((word) => element("p", word)));
   const derived = Object.entries(fit?.derived ?? {}).filter(([name]) => limitsOf(name).length);
