@@ -103,6 +103,10 @@ class Objective:
         """All that is known beforehand, for another objective: of single quantities, and of several coordinates."""
         return (*self.priors, *self.posteriors)
 
+    def with_recordings(self, recordings: Sequence[Recording], *, slopes_later: bool = False) -> "Objective":
+        """Return the objective of the same coordinates, with all that is known beforehand, for other recordings."""
+        return Objective(recordings, self.coordinates, self.all_priors, slopes_later=slopes_later)
+
     @property
     def points(self) -> int:
         """Number of complex points."""

@@ -87,7 +87,7 @@ class Marginal:
     ) -> "Marginal":
         """Return the marginal fit of an objective, without the misfit weights of its recordings."""
         plain = [replace(recording, misfit=0.0, correlation=1.0) for recording in objective.recordings]
-        bare = Objective(plain, objective.coordinates, objective.all_priors, slopes_later=True)
+        bare = objective.with_recordings(plain, slopes_later=True)
         return cls(bare, known or Nothing(), _shapes_of(bare, shapes or {}), local)
 
     def around(self, corrections: Corrections | None) -> "Marginal":

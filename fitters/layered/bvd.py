@@ -18,7 +18,6 @@ from ..engine.covariance import estimate
 from ..engine.descent import Descent, settle, with_model_discrepancy
 from ..engine.fitted_model import FittedModel
 from ..engine.noise import noise_of
-from ..engine.objective import Objective
 from ..engine.parameters.constraints import bounded
 from ..engine.parameters.coordinates import Coordinates, hardly_negative, positive, resonant_branch
 from ..engine.recording import Recording, log_ratio
@@ -252,7 +251,7 @@ class ButterworthVanDyke:
             best = _descend(sweep, replace(circuit, branches=ordered), sigma)
         before = best.objective
         recordings = [replace(recording, step=step) for recording in before.recordings]
-        best = replace(best, objective=Objective(recordings, before.coordinates, before.all_priors))
+        best = replace(best, objective=before.with_recordings(recordings))
         return FittedModel(best, equivalent_plate(_DEVICE, circuit.C0, ordered[0].fs), _UNITS)
 
 

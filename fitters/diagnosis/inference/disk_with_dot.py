@@ -127,7 +127,7 @@ def _followed(one: _Dotted, progress: Callable[[str], None], jobs: int) -> tuple
 def _at(found: FittedDisk, law: LossLaw, values: Mapping[str, float]) -> FittedDisk:
     """Return the disk with this law and these constants."""
     own, model = found.descent.objective, replace(found.model, law=law)
-    objective = Objective([replace(one, model=model) for one in own.recordings], own.coordinates, own.all_priors)
+    objective = own.with_recordings([replace(one, model=model) for one in own.recordings])
     descent = replace(found.descent, objective=objective, x=own.coordinates.inverse(values))
     return replace(found, model=model, descent=descent)
 

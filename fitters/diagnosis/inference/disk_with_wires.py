@@ -18,7 +18,6 @@ from ...disk.two_d.disk_under_diagnosis import plate_of, thinner, with_effects
 from ...disk.two_d.outside import Outside
 from ...disk.two_d.reference import reference_of
 from ...engine.fitted_model import without_effects
-from ...engine.objective import Objective
 from ...engine.on_cores import on_cores
 from ...engine.parameters.assembly import stack_of
 from ...engine.parameters.coordinates import Block, positive
@@ -215,8 +214,7 @@ def _whole(few: FittedDisk, base: FittedDisk) -> FittedDisk:
     """Return a fit to a few points as the start of one to all points, which `base` has."""
     own, every = few.descent.objective, base.descent.objective.recordings
     recordings = [replace(one, model=thin.model) for one, thin in zip(every, own.recordings, strict=True)]
-    objective = Objective(recordings, own.coordinates, own.all_priors)
-    return replace(few, descent=replace(few.descent, objective=objective))
+    return replace(few, descent=replace(few.descent, objective=own.with_recordings(recordings)))
 
 
 def _choices(found: FittedDisk) -> list[Candidate]:

@@ -26,7 +26,6 @@ from ...disk.two_d.disk_under_diagnosis import diagnosable, thinner
 from ...disk.two_d.tensor_start import implausibility
 from ...disk.two_d.valley_search import FEW
 from ...engine.fitted_model import FittedModel, Seed
-from ...engine.objective import Objective
 from ...engine.recording import Recording
 from ...interface import UNCOMPUTABLE, Constant, Curve, FitError, FitResult, FitTask
 from ..decision_rules import COARSENED_RIM, NAMED
@@ -90,7 +89,7 @@ class DiskTried:
             bare = thinner(bare)
         objective = bare.descent.objective
         recordings = [_with_law(one, self.whole.model.law, rough=self.with_a_dot) for one in objective.recordings]
-        same = Objective(recordings, objective.coordinates, objective.all_priors)
+        same = objective.with_recordings(recordings)
         made = diagnosable(replace(bare, model=self.whole.model, descent=replace(bare.descent, objective=same)))
         names = frozenset((one.effect.name, one.where) for one in self.beside)
         values, _ = self.whole.descent.objective.coordinates.forward(self.whole.descent.x)

@@ -69,7 +69,7 @@ def plate_of(found: FittedDisk) -> Stack:
 def thinner(found: FittedDisk, points: int = COARSE) -> FittedDisk:
     """Return the fit with a few hundred points of each sweep, for trials."""
     before = found.descent.objective
-    few = Objective([thinned(one, points) for one in before.recordings], before.coordinates, before.all_priors)
+    few = before.with_recordings([thinned(one, points) for one in before.recordings])
     return replace(found, descent=replace(found.descent, objective=few))
 
 

@@ -12,7 +12,6 @@ from ....models.effects.base.effect import TERMINALS
 from ...disk.planar_result import PLANAR_UNITS
 from ...disk.two_d.valley_search import thinned
 from ...engine.fitted_model import FittedModel, Seed, without_effects
-from ...engine.objective import Objective
 from ...interface import Constant, FitError, TaskError
 from .stack_problem import StackProblem, plate_of
 from .stack_result import constants_of_stack
@@ -76,7 +75,7 @@ def diagnosable_stack(problem: StackProblem, progress: Callable[[str], None]) ->
 def _under_diagnosis(found: FittedStack, seeds: tuple[Seed, ...]) -> StackUnderDiagnosis:
     before = found.descent.objective
     few = [thinned(one, _POINTS) for one in before.recordings]
-    descent = replace(found.descent, objective=Objective(few, before.coordinates, before.all_priors))
+    descent = replace(found.descent, objective=before.with_recordings(few))
     scale = plate_of(found.problem, list(found.problem.sweeps)[-1])
     return StackUnderDiagnosis(descent, scale, PLANAR_UNITS, seeds, found)
 
