@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from . import packet_filter
+from . import kernel_sockets, packet_filter
 
 log = logging.getLogger(__name__)
 
@@ -132,7 +132,7 @@ class ConnectionGuard:
     def _line(self, handle: int, link: str, now: float, memory: int) -> _Line | None:
         """Return the connection of a socket, or None if it is not connected to one of these ports."""
         try:
-            with _borrowed(handle) as borrowed:
+            with kernel_sockets.borrowed(handle) as borrowed:
                 port, peer = borrowed.getsockname()[1], borrowed.getpeername()
         except (OSError, IndexError):  # not connected, or closed since it was listed
             return None
@@ -158,7 +158,7 @@ class ConnectionGuard:
 
     def _forget(self, line: _Line) -> None:
         """End the connection of a client that is gone; of what it sent, libzmq gets no more than it has."""
-        with suppress(OSError), _borrowed(line.handle) as borrowed:
+        with suppress(OSError), kernel_sockets.borrowed(line.handle) as borrowed:
             packet_filter.end(borrowed)
             while borrowed.recv(LITTLE, socket.MSG_DONTWAIT):
                 pass
@@ -166,10 +166,10 @@ class ConnectionGuard:
 
     def _cut(self, line: _Line, why: str) -> None:
         """End a connection, unless its descriptor belongs to another one by now."""
-        if line.is_cut or _link(line.handle) != line.link:
+        if line.is_cut or kernel_sockets.link(line.handle) != line.link:
             return
         try:
-            with _borrowed(line.handle) as borrowed:
+            with kernel_sockets.borrowed(line.handle) as borrowed:
                 packet_filter.end(borrowed)
         except OSError:  # closed already
             return
@@ -182,24 +182,11 @@ def keep_resets_out(port: int) -> None:
     """Let no reset of a client reach libzmq on a port that it listens on; on other systems than Linux do nothing."""
     for handle, _ in _sockets():
         try:
-            with _borrowed(handle) as borrowed:
+            with kernel_sockets.borrowed(handle) as borrowed:
                 if packet_filter.listens(borrowed) and borrowed.getsockname()[1] == port:
                     packet_filter.attach(borrowed, packet_filter.NO_RESETS)
         except (OSError, IndexError) as error:  # another socket, or a kernel without filters
             log.debug("socket %d has no packet filter: %s", handle, error)
-
-
-class _borrowed:  # noqa: N801
-    """One of libzmq's sockets, inspected without closing it. Raises OSError if libzmq has closed it meanwhile."""
-
-    def __init__(self, handle: int) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, fileno=handle)
-
-    def __enter__(self) -> socket.socket:
-        return self._socket
-
-    def __exit__(self, *_: object) -> None:
-        self._socket.detach()
 
 
 def _sockets() -> Iterator[tuple[int, str]]:
@@ -207,16 +194,9 @@ def _sockets() -> Iterator[tuple[int, str]]:
     if sys.platform != "linux":
         return
     for handle in map(int, os.listdir("/proc/self/fd")):  # noqa: PTH208 - fifty times a second, a Path is slow
-        link = _link(handle)
+        link = kernel_sockets.link(handle)
         if link.startswith("socket:"):
             yield handle, link
-
-
-def _link(handle: int) -> str:
-    try:
-        return os.readlink(f"/proc/self/fd/{handle}")  # noqa: PTH115
-    except OSError:  # closed meanwhile
-        return ""
 
 
 def _came(handle: int) -> int:
@@ -232,11 +212,10 @@ def _is_gone(handle: int) -> bool:
 
 def _told(handle: int, form: str, offset: int) -> int:
     """Return a number of the kernel's `struct tcp_info`, or 0 if the connection is closed."""
+    info = kernel_sockets.tcp_info(handle)
     try:
-        with _borrowed(handle) as borrowed:
-            info = borrowed.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
-            return struct.unpack_from(form, info, offset)[0]
-    except (OSError, struct.error):
+        return struct.unpack_from(form, info, offset)[0] if info is not None else 0
+    except struct.error:  # an older kernel tells less
         return 0
 
 

@@ -5,11 +5,12 @@ libzmq keeps a number of answers for a connection, however large they are, and d
 """
 
 import os
-import socket
 import struct
 import sys
 import time
 from dataclasses import dataclass
+
+from . import kernel_sockets
 
 MOST_UNREAD = 64 << 20
 """Most bytes of unread answers to one connection; one answer has at most some 16 MB."""
@@ -51,20 +52,20 @@ class Connection:
 
     def __init__(self, handle: int) -> None:
         self._handle = handle
-        self._link = _link(handle)
+        self._link = kernel_sockets.link(handle)
 
     @property
     def handle(self) -> int:
         """Its descriptor, or -1 if it has ended."""
-        return self._handle if _link(self._handle) == self._link else -1
+        return self._handle if kernel_sockets.link(self._handle) == self._link else -1
 
     @property
     def is_gone(self) -> bool:
         """Whether it has ended, or its client has closed it; False where the system does not tell."""
         if sys.platform != "linux" or self._handle < 0:
             return False
-        info = _tcp_info(self._handle)
-        return _link(self._handle) != self._link or info is None or info[0] != _ESTABLISHED
+        info = kernel_sockets.tcp_info(self._handle)
+        return kernel_sockets.link(self._handle) != self._link or info is None or info[0] != _ESTABLISHED
 
 
 class UnreadAnswers:
@@ -99,7 +100,7 @@ class UnreadAnswers:
 
     def _reader(self, handle: int) -> _Reader | None:
         """Return the present state of a connection, or None if the kernel has no data about it."""
-        link, told = _link(handle), _told(handle)
+        link, told = kernel_sockets.link(handle), _told(handle)
         if told is None:
             return None
         acknowledged, unsent = told
@@ -114,23 +115,15 @@ class UnreadAnswers:
 
     def _forget_closed(self) -> None:
         """Forget connections that have ended, and check the others again."""
-        links = {_link(int(name)): int(name) for name in os.listdir("/proc/self/fd")}  # noqa: PTH208
+        links = {kernel_sockets.link(int(name)): int(name) for name in os.listdir("/proc/self/fd")}  # noqa: PTH208
         self._readers = {link: reader for link, reader in self._readers.items() if link in links}
         for link in [*self._readers]:
             self._reader(links[link])
 
 
-def _link(handle: int) -> str:
-    """Return socket and inode of a descriptor, which is used again after a connection has ended."""
-    try:
-        return os.readlink(f"/proc/self/fd/{handle}")  # noqa: PTH115
-    except OSError:
-        return ""
-
-
 def _told(handle: int) -> tuple[int, int] | None:
     """Return a connection's acknowledged bytes and those that the kernel has not sent yet, or None."""
-    info = _tcp_info(handle)
+    info = kernel_sockets.tcp_info(handle)
     if info is None:
         return None
     try:
@@ -139,19 +132,3 @@ def _told(handle: int) -> tuple[int, int] | None:
     except struct.error:  # an older kernel tells less
         return None
     return acknowledged, unsent
-
-
-def _tcp_info(handle: int) -> bytes | None:
-    """Return the kernel's `struct tcp_info` of a connection, or None if there is none."""
-    if sys.platform != "linux":
-        return None
-    try:
-        borrowed = socket.socket(socket.AF_INET, socket.SOCK_STREAM, 0, fileno=handle)
-    except OSError:
-        return None
-    try:
-        return borrowed.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
-    except OSError:
-        return None
-    finally:
-        borrowed.detach()
