@@ -11,16 +11,15 @@ Three steps, each exact up to higher orders:
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh, orth
+from scipy.linalg import orth
 
 from ..base.arrays import Complexes, Frequencies, Reals
 from .coat import Coating
 from .full import Shape
 from .line_elements import Numbers, real_times
-from .reduced import ELASTIC, EPS11, EPS33, PIEZO, DiskError, ReducedDisk
+from .reduced import ELASTIC, EPS11, EPS33, PIEZO, DiskError, ReducedDisk, symmetric_modes
 
 _BELOW, _ABOVE = 0.9, 1.1
 # Modes from 0.8 times the lowest to 1.2 times the highest frequency are included explicitly.
@@ -63,7 +62,7 @@ def modes_of(
         squared, shapes = np.linalg.eigh(stiffness / shape.mass)
     else:
         of_all = (stiffness + coating.stiffness.real) / shape.mass
-        squared, shapes = _eigh(of_all, np.eye(len(of_all)) + coating.mass)
+        squared, shapes = symmetric_modes(of_all, np.eye(len(of_all)) + coating.mass)
     losses = None
     if not rough:
         lossy = disk.losses(weights) + (0.0 if coating is None else coating.stiffness.imag)
@@ -72,12 +71,6 @@ def modes_of(
         raise DiskError("the losses of these constants are not finite: they are those of no disk")
     force: Complexes = disk.force(weights)
     return BandModes(squared, shapes, losses, shapes.T @ force / shape.mass, weights)
-
-
-def _eigh(stiffness: Reals, mass: Reals) -> tuple[Reals, Reals]:
-    """Return squared frequencies and modes, orthonormal by mass."""
-    made: Any = eigh(stiffness, mass)
-    return made
 
 
 def band_shapes(modes: BandModes, low: float, high: float, weights: Complexes, loads: Reals | None = None) -> Numbers:

@@ -43,7 +43,7 @@ class FaceShapes:
         face = full.face
         reduced = ReducedDisk.of(full, u, p)
         axial, radial = traces(face, u)
-        return cls(replace(reduced, u=reduced.u[:0], p=reduced.p[:0]), axial, radial)
+        return cls(replace(reduced, u=reduced.u[:0], p=reduced.p[:0], face=reduced.face[:0]), axial, radial)
 
 
 @dataclass(frozen=True, eq=False)

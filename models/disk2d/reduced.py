@@ -54,7 +54,7 @@ class ReducedDisk:
         """Project the disk on displacements `u`, orthonormal by mass, and potentials `p`."""
         n, terms = disk.size, disk.matrices.terms
         inner = [term[:n, :n] for term in terms]
-        kappa, turn = _eigh(-(p.T @ (inner[EPS11] @ p)), -(p.T @ (inner[EPS33] @ p)))
+        kappa, turn = symmetric_modes(-(p.T @ (inner[EPS11] @ p)), -(p.T @ (inner[EPS33] @ p)))
         p = np.asarray(p @ turn)
         return cls(
             np.array([u.T @ (inner[k] @ u) for k in ELASTIC.tolist()]),
@@ -108,7 +108,7 @@ class ReducedDisk:
         return np.concatenate([self.u @ y + self.p @ (charge / self.permittivity(weights)), [1.0]])
 
 
-def _eigh(a: Reals, b: Reals) -> tuple[Reals, Reals]:
-    """Return the eigenvalues and vectors of the real symmetric pencil a - lambda b."""
+def symmetric_modes(a: Reals, b: Reals) -> tuple[Reals, Reals]:
+    """Return the eigenvalues, rising, and vectors of the real symmetric pencil a - lambda b, orthonormal by b."""
     made: Any = eigh(a, b)
     return made

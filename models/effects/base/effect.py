@@ -175,7 +175,8 @@ class Effect(ABC):
         there = self.looked_for(nominal)
         if isinstance(model, Stack) or self.lies_on_faces is None:
             return there
-        return tuple(where for where in there if where in self._faces_of(model))
+        faces = self._faces_of(model)
+        return tuple(where for where in there if where in faces)
 
     @abstractmethod
     def places(self, stack: Stack) -> tuple[str, ...]:
