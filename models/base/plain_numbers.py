@@ -8,3 +8,8 @@ def without_exponent(value: float, digits: int) -> str:
     if not np.isfinite(value) or not 1e-4 <= abs(value) < 1e6:
         return f"{value:.{digits}g}"
     return np.format_float_positional(value, precision=digits, unique=False, fractional=False, trim="-")
+
+
+def signed(value: float, places: int) -> str:
+    """Return a number with its sign and so many decimal places: +0.0, but never -0.0."""
+    return f"{round(value, places) + 0.0:+.{places}f}"

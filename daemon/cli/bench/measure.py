@@ -427,6 +427,7 @@ def _show(result: "FitResult", build: "Build", ended: float, console: "Console",
 
 def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console") -> None:
     """Print the deviation of the last fit from the simulated device's true constants, in stated uncertainties."""
+    from ....models.base.plain_numbers import signed
     from ...report.tables.unbroken_table import Column, UnbrokenTable
 
     numbers = (Column(head, justify="right") for head in ("fitted", "true", "error", "|error|/u"))
@@ -437,6 +438,6 @@ def _against_truth(truth: dict[str, Any], fit: dict[str, Any], console: "Console
             true, value, u = truth.get(name, {}).get(part), fitted[part], fitted[f"u_{part}"]
             if true and u:
                 label = f"{name}.{part}" if fitted["im"] else name
-                error = f"{round(100 * (value / true - 1), 2) + 0.0:+.2f} %"  # + 0.0: never -0.00
+                error = f"{signed(100 * (value / true - 1), 2)} %"
                 table.add_row(label, f"{value:.5g}", f"{true:.5g}", error, f"{abs(value - true) / u:.1f}")
     console.print(table)

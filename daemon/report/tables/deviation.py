@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Literal, cast
 
+from ....models.base.plain_numbers import signed
 from ....models.build import Quantity
 
 Verdict = Literal["held", "near", "off", "far", ""]
@@ -18,7 +19,7 @@ def deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) 
     if nominal is None or not nominal.re:
         return "", ""
     away = 100 * (re / nominal.re - 1)
-    percent = f"{round(away, 1) + 0.0:+.1f} %" if abs(away) < _MOST else f"{away:+.1e} %"  # + 0.0: never -0.0
+    percent = f"{signed(away, 1)} %" if abs(away) < _MOST else f"{away:+.1e} %"
     both = ((u or 0.0) ** 2 + nominal.u**2) ** 0.5
     if not both:
         return percent, ""

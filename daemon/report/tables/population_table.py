@@ -10,6 +10,7 @@ from rich.console import Console
 
 from ....fitters.population.population_statistics import DataSheet, Population, VarianceShare
 from ....fitters.population.random_effects import RandomEffects
+from ....models.base.plain_numbers import signed
 from .unbroken_table import Column, UnbrokenTable
 
 _COLUMNS = (
@@ -105,15 +106,11 @@ def _between(effects: RandomEffects | None) -> str:
 def _sheet(sheet: DataSheet | None) -> str:
     if sheet is None or sheet.percent is None:
         return ""
-    percent = f"{_signed(sheet.percent)} %"
+    percent = f"{signed(sheet.percent, 1)} %"
     limit = 0.0 if sheet.limit is None else 100 * sheet.limit / abs(sheet.nominal)
     if limit < _NO_PERCENT:
         return "none" if abs(sheet.percent) < _NO_PERCENT else percent
     return f"{percent} of ±{limit:.0f} %" if limit >= 10 else f"{percent} of ±{limit:.1f} %"
-
-
-def _signed(percent: float) -> str:
-    return f"{round(percent, 1) + 0.0:+.1f}"  # + 0.0: never -0.0
 
 
 def _strange(population: Population) -> Iterator[str]:
