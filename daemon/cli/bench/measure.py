@@ -4,7 +4,7 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ...client.location import Location
     from ...client.result_waiter import Measurement
     from ...files.measurement_queue import QueuedStep
+    from ...wire.events import ProgressEvent
     from ...wire.replies import AnalyzerState
     from .deciding_sweep import Diagnoser
 
@@ -389,25 +390,23 @@ def _sweep(
     console: "Console",
     decides: str | None = None,
 ) -> "Measurement":
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    with _progress_of(step, console) as tell:
+        return lab.measure(build, step, plan, progress=tell, decides=decides, analyzer=analyzer)
 
-    from ...wire.events import ProgressEvent
+
+@contextmanager
+def _progress_of(step: str, console: "Console") -> "Generator[Callable[[ProgressEvent], None]]":
+    """Yield what shows the progress of a sweep: as a bar in a terminal, as lines in a pipe."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     if not console.is_terminal:
         with console.status(step) as status:
-
-            def tell(event: ProgressEvent) -> None:
-                status.update(f"{step}: {event.what}, {event.fraction:.0%}")
-
-            return lab.measure(build, step, plan, progress=tell, decides=decides, analyzer=analyzer)
+            yield lambda event: status.update(f"{step}: {event.what}, {event.fraction:.0%}")
+        return
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
     with Progress(*columns, TimeRemainingColumn(), console=console, transient=True) as progress:
         task = progress.add_task(step, total=1.0)
-
-        def show(event: ProgressEvent) -> None:
-            progress.update(task, completed=event.fraction, description=f"{step}: {event.what}")
-
-        return lab.measure(build, step, plan, progress=show, decides=decides, analyzer=analyzer)
+        yield lambda event: progress.update(task, completed=event.fraction, description=f"{step}: {event.what}")
 
 
 def _show(result: "FitResult", build: "Build", ended: float, console: "Console", report: Report) -> None:
