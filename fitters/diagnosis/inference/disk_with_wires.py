@@ -33,7 +33,7 @@ NEAR = 0.03
 _FIRST = 0.3
 """Part of what a plate leaves of ln Z (rms) that the quick fit of a wide disk with a rim leaves at most: 0.26 of 24
 disks of D/t 22 to 50, most of them below 0.2 (tests/benchmarks/test_wide_disks.py)."""
-_WIRES = (
+_TOGETHER = (
     ("lead-inductance", TERMINALS, ("inductance", "resistance")),
     ("stray-capacitance", TERMINALS, ("capacitance",)),
     ("electrode-mass", FACES[1], ("mass",)),
@@ -99,10 +99,10 @@ def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], No
             return near
     progress("fitting the disk in two dimensions together with its wires")
     disk = bare_disk(task, NAME, round_one=True, frees=True)
-    joint = _attempt(task, NEAR, jobs, partial(_wires, stack_of(disk.build, disk.build.step(disk.step))))
+    joint = _attempt(task, NEAR, jobs, partial(_together, stack_of(disk.build, disk.build.step(disk.step))))
     if joint is None:
         return near
-    base = _without(joint, [name for name, _, _ in _WIRES])
+    base = _without(joint, [name for name, _, _ in _TOGETHER])
     return _better(with_terminals(alone or with_effects(base, Outside()), base, progress, jobs), near)
 
 
@@ -147,13 +147,13 @@ def _attempt(task: FitTask, enough: float, jobs: int, outside: Callable[[Disk2D]
         return None
 
 
-def _wires(nominal: Stack, model: Disk2D) -> Outside:
+def _together(nominal: Stack, model: Disk2D) -> Outside:
     """Return a lead, a stray capacitance and electrodes of usual sizes."""
     added: list[Added] = []
     blocks: list[Block] = []
     start: dict[str, float] = {}
     priors: list[Posterior] = []
-    for effect, where, free in _WIRES:
+    for effect, where, free in _TOGETHER:
         found = find_effect(effect)
         knobs = found.parameters_in(model, nominal, where)
         one = Candidate(found, where, (), tuple(knob for knob in knobs if knob.name in free))
