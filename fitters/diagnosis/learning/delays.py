@@ -3,6 +3,8 @@
 A smooth correction cannot follow an echo of a long delay, so its delay is looked for in the residual itself.
 """
 
+from collections.abc import Callable, Mapping, Sequence
+
 import numpy as np
 
 from ....models.base.arrays import Complexes, Frequencies
@@ -11,6 +13,7 @@ from ....models.effects.base.effect import EffectParameter
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.laws import Law
 from ....models.effects.learned.learned import LearnedLaw
+from ....models.stack import Stack
 from ...error_model.error_columns import stack_of
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
@@ -57,6 +60,27 @@ def linearised(
     parent: Hypothesis, place: Place, steps: tuple[str, ...]
 ) -> tuple[Frequencies, Complexes, Complexes, Complexes]:
     """Return frequencies, d ln Z / d correction, derivatives by the coordinates, and ln(Z_model/Z), of valid points."""
+
+    def constant(stack: Stack) -> Sequence[Probe]:
+        effect = LearnedLaw(place, _CONSTANT, stack)
+        return [(effect, {"size": _STEP * effect.natural})]
+
+    frequency, changes, J, r = changed_by(parent, steps, constant)
+    return frequency, np.asarray(changes[:, 0] / _STEP, np.complex128), J, r
+
+
+Probe = tuple[LearnedLaw, Mapping[str, float]]
+"""A law with its parameters."""
+
+
+def changed_by(
+    parent: Hypothesis, steps: tuple[str, ...], probes: Callable[[Stack], Sequence[Probe]]
+) -> tuple[Frequencies, Complexes, Complexes, Complexes]:
+    """Return frequencies, changes of ln Z by each probe, derivatives by the coordinates, and ln(Z_model/Z).
+
+    Shapes (N,), (N, P), (N, M) and (N,), N the valid points of all recordings of these steps. `probes` are those of a
+    stack.
+    """
     objective, gram = parent.objective, parent.fit.gram
     models = objective.models(parent.fit.x)
     parts: list[tuple[Frequencies, Complexes, Complexes, Complexes]] = []
@@ -64,13 +88,16 @@ def linearised(
         if recording.step not in steps or not isinstance(model, Device):
             continue
         f = recording.sweep.frequency
-        probe = LearnedLaw(place, _CONSTANT, stack_of(model))
-        with_it = model.with_effect(probe, place.where, {"size": _STEP * probe.natural})
-        slope = np.asarray(np.log(with_it.impedance(f) / model.impedance(f)) / _STEP, np.complex128)
-        on = np.isfinite(recording.noise) & np.isfinite(slope)
-        parts.append((f[on], slope[on], J[on], r[on]))
+        Z = model.impedance(f)
+        with_each = [
+            model.with_effect(law, law.place.where, values).impedance(f) for law, values in probes(stack_of(model))
+        ]
+        changes = np.stack([np.log(own / Z) for own in with_each], axis=1)
+        on = np.isfinite(recording.noise) & np.all(np.isfinite(changes), axis=1)
+        parts.append((f[on], changes[on], J[on], r[on]))
     if not parts:
-        return np.zeros(0), np.zeros(0, np.complex128), np.zeros((0, 0), np.complex128), np.zeros(0, np.complex128)
+        none = np.zeros(0, np.complex128)
+        return np.zeros(0), none.reshape(0, 1), none.reshape(0, 0), none
     return (
         np.concatenate([one[0] for one in parts]),
         np.concatenate([one[1] for one in parts]),

@@ -5,12 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ....models.base.face_loads import FACES
 from ....models.effects.learned.laws import laws
+from ....models.effects.learned.parts import laws_of_parts
 from ....models.effects.learned.sweep_laws import laws_of_sweeps
 from ...error_model.prior_scales import LEFT_AT_MOST
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate
 from .law_fits import LearnedCorrection, left_by
+from .places import TWINS
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,7 @@ class Explanation:
         forms = 1
         if self.law is not None:
             quantity = self.law.placed.place.quantity
-            forms = len(laws(quantity)) + len(laws_of_sweeps(quantity))
+            forms = len(laws(quantity)) + len(laws_of_sweeps(quantity)) + len(laws_of_parts(quantity))
         return self.hypothesis.log_evidence / temper + self.hypothesis.log_odds - float(np.log(forms))
 
 
@@ -98,14 +101,31 @@ def explains(law: LearnedCorrection, parent: Hypothesis) -> bool:
 
 
 def distinct(explanations: Sequence[Explanation]) -> list[Explanation]:
-    """Return the best of all explanations by the same law at the same place beside the same effects."""
+    """Return the best of all explanations by the same law at the same place beside the same effects.
+
+    A law on the other face of a symmetric device is the same explanation: counted as two, each had at most one half.
+    """
     best: dict[object, Explanation] = {}
     for one in explanations:
         law = None if one.law is None else (one.law.effect.place, one.law.candidate.steps, one.law.effect.law.name)
         key = one.parent.key, law
         if key not in best or one.hypothesis.log_evidence > best[key].hypothesis.log_evidence:
             best[key] = one
-    return list(best.values())
+    different: list[Explanation] = []
+    for one in best.values():
+        if not any(_are_twins(one, other) for other in different):
+            different.append(one)
+    return different
+
+
+def _are_twins(one: Explanation, other: Explanation) -> bool:
+    """Return whether two explanations are the same law on one and on the other face, which nothing tells apart."""
+    if one.law is None or other.law is None or one.parent.key != other.parent.key:
+        return False
+    own, its = one.law.effect, other.law.effect
+    faces = own.place.where in FACES and its.place.where in FACES and own.place.quantity == its.place.quantity
+    same = own.law.name == its.law.name and one.law.candidate.steps == other.law.candidate.steps
+    return faces and same and abs(one.hypothesis.log_evidence - other.hypothesis.log_evidence) < TWINS
 
 
 def chosen(explanations: Sequence[Explanation]) -> Choice | None:

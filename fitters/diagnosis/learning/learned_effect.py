@@ -8,7 +8,7 @@ from ....models.effects.learned.learned import NAME
 from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.prior_scales import LEFT_AT_MOST
 from ...interface import UNCOMPUTABLE
-from ..decision_rules import NAMED
+from ..decision_rules import CLASS_NATS, NAMED
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
@@ -20,6 +20,7 @@ from .explanations import Choice, Explanation, better, chosen, distinct, enough,
 from .law_fits import LearnedCorrection
 from .laws import learned_laws
 from .learned_conclusion import as_sure_as_the_list, concluded, concluded_without_law, with_its_place
+from .part_laws import part_laws
 from .places import placed_corrections
 from .plain_laws import plainly_better_laws
 from .sharp_laws import sharp_laws
@@ -101,8 +102,8 @@ class Learning:
         if choice is None:
             return conclusion, next(iter(places.values()))
         if choice.probability < NAMED:
-            known = choice.without_law if conclusion.something_left else None
-            if known is None:
+            known = choice.without_law
+            if known is None or not (conclusion.something_left or _was_missed(known, conclusion.final)):
                 return conclusion, next(iter(places.values()))
             return concluded_without_law(self.problem, conclusion, choice, known), places[known]
         final = self._final(choice)
@@ -125,6 +126,7 @@ class Learning:
         made = [
             *sharp_laws(self.problem, parent, plain, self.progress),
             *plainly_better_laws(self.problem, parent, plain, self.progress),
+            *part_laws(self.problem, parent, plain, self.progress),
         ]
         return [*found, *(Explanation(law.hypothesis, law, parent) for law in made if explains(law, parent))]
 
@@ -191,6 +193,15 @@ def _complete(found: Conclusion) -> bool:
     """Return whether nothing is left for a further law: everything is explained without more than usual errors."""
     sizes = found.final.fit.sizes
     return found.verdict == "explained" and sizes.tau <= USUAL.tau and sizes.rho <= USUAL.rho
+
+
+def _was_missed(known: Hypothesis, final: Hypothesis) -> bool:
+    """Return whether effects of the catalogue explain clearly more, fitted anew, than what the search ended with.
+
+    Beside errors a fit may end astray, and an effect that leaves nothing then looks as if it explained little.
+    """
+    temper = max(known, final, key=lambda one: one.log_weight).coarseness
+    return known.log_evidence / temper + known.log_odds > final.log_evidence / temper + final.log_odds + CLASS_NATS
 
 
 def _without_artefacts(problem: Problem, one: Hypothesis) -> list[Hypothesis]:

@@ -136,12 +136,12 @@ def _same(made: Hypothesis, found: list[tuple[Place, tuple[str, ...], Hypothesis
     return any(
         place.quantity == "impedance"
         and own.where.startswith("face:")
-        and abs(other.log_evidence - made.log_evidence) < _TWINS
+        and abs(other.log_evidence - made.log_evidence) < TWINS
         for place, _, other in found
     )
 
 
-_TWINS = 0.1
+TWINS = 0.1
 """Difference of ln evidence below which the corrections of both faces are equivalent."""
 
 

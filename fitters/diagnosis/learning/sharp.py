@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....models.base.arrays import Complexes, Reals
+from ....models.base.face_loads import FACES
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.laws import Law, laws
 from ....models.effects.learned.learned import LearnedLaw
@@ -22,16 +23,19 @@ from .delays import delays_at, linearised
 _QUALITIES = (2.0, 6.0, 20.0, 60.0, 200.0)
 _PER_WIDTH = 2.0
 """Frequencies tried per width of a resonance."""
-_BEST = 5
-"""Budget: number of resonances and of echoes that are fitted; those of several places explain the same to first
-order."""
+_BEST = 8
+"""Budget: number of resonances and of echoes that are fitted, those of both faces of a symmetric device as one; those
+of several places explain the same to first order. The right one of a strong resonance was the seventh: what it does is
+not linear in it."""
+_EQUAL = 1e-9
+"""Difference of what two explain, both faces of a symmetric device, that is rounding error."""
 _WORTH_ECHO = 1 / 2
 """Part of the squared residual beside the constants that an echo must explain: more than it leaves."""
 
 
 @dataclass(frozen=True, eq=False)
 class SharpCorrection:
-    """A resonance or an echo at one place, to first order."""
+    """A resonance, an echo or a law of a part of the area at one place, to first order."""
 
     place: Place
     steps: tuple[str, ...]
@@ -71,7 +75,23 @@ def _best(found: Sequence[SharpCorrection], worth: float) -> list[SharpCorrectio
     for one in found:
         best[one.place] = max(best.get(one.place, 0.0), one.explained)
     ranked = sorted(found, key=lambda one: (-best[one.place], -one.explained))
-    return [one for one in ranked if one.explained > worth][:_BEST]
+    return without_twins([one for one in ranked if one.explained > worth])[:_BEST]
+
+
+def without_twins(found: Sequence[SharpCorrection]) -> list[SharpCorrection]:
+    """Return the corrections in their order, each that both faces of a symmetric device can have at one of them."""
+    different: list[SharpCorrection] = []
+    for one in found:
+        if not any(_are_twins(one, other) for other in different):
+            different.append(one)
+    return different
+
+
+def _are_twins(one: SharpCorrection, other: SharpCorrection) -> bool:
+    """Return whether two corrections are the same on one and on the other face, which nothing tells apart."""
+    faces = one.place.where in FACES and other.place.where in FACES and one.place.quantity == other.place.quantity
+    same = one.law is other.law and one.steps == other.steps
+    return faces and same and abs(one.explained - other.explained) < _EQUAL
 
 
 def _echo(
@@ -84,7 +104,7 @@ def _echo(
     if not likely:
         return []
     _, _, J, r = linearised(parent, place, steps)
-    target = _beside(_orthonormal(J), _real(r[:, None]))[:, 0]
+    target = beside_constants(orthonormal(J), as_real(r[:, None]))[:, 0]
     return [SharpCorrection(place, steps, law, likely[0].explained / float(target @ target), {})]
 
 
@@ -97,11 +117,11 @@ def resonance_at(
         return []
     f0 = LearnedLaw(place, law, stack_of(problem.recordings[-1].model)).reference
     x = frequency / f0
-    known = _orthonormal(J)
-    target = _beside(known, _real(r[:, None]))[:, 0]
+    known = orthonormal(J)
+    target = beside_constants(known, as_real(r[:, None]))[:, 0]
     tried = [(at, q) for q in _QUALITIES for at in _grid(float(x.min()), float(x.max()), q)]
     columns = np.stack([slope * law.of(x, {"size": 1.0, "at": at, "q": q}) for at, q in tried], axis=1)
-    beside = _beside(known, _real(columns))
+    beside = beside_constants(known, as_real(columns))
     along, power = -(beside.T @ target), np.einsum("np,np->p", beside, beside)
     size = np.maximum(along, 0.0) / np.maximum(power, 1e-300)
     explained = size * np.maximum(along, 0.0) / float(target @ target)
@@ -117,15 +137,17 @@ def _grid(low: float, high: float, q: float) -> list[float]:
     return np.exp(np.arange(np.log(low), np.log(high), 1 / (_PER_WIDTH * q))).tolist()
 
 
-def _orthonormal(J: Complexes) -> Reals:
-    known, _ = np.linalg.qr(_real(J))
+def orthonormal(J: Complexes) -> Reals:
+    """Return orthonormal columns that span what the constants do, from the derivatives by them."""
+    known, _ = np.linalg.qr(as_real(J))
     return np.asarray(known, np.float64)
 
 
-def _real(columns: Complexes) -> Reals:
+def as_real(columns: Complexes) -> Reals:
+    """Return real over imaginary parts, shape (2N, P)."""
     return np.concatenate([columns.real, columns.imag])
 
 
-def _beside(known: Reals, columns: Reals) -> Reals:
+def beside_constants(known: Reals, columns: Reals) -> Reals:
     """Return columns without what the constants could do."""
     return columns - known @ (known.T @ columns)

@@ -11,10 +11,11 @@ from ...base.names import among
 from ...base.uncertain_numbers import with_uncertainty
 from ...stack import Stack
 from ..base.assembly import Assembly
-from ..base.effect import Effect, EffectParameter
+from ..base.effect import Effect, EffectParameter, Stage
 from ..base.scale import resonance
 from .corrections import CONSTANTS, Correction, Place, corrected, natural_size, places
 from .laws import Law, laws
+from .parts import SHARE, corrected_on_part, laws_of_parts, stage_of
 from .several import laws_of_several
 
 NAME = "learned"
@@ -58,7 +59,7 @@ class LearnedLaw(Effect):
         told from a power law, a resistance or a change of the constants.
         """
         self.band, self.number = band, number
-        self.place, self.law, self.stage = place, law, place.stage
+        self.place, self.law, self.stage = place, law, stage_of(place, law)
         self.reference = reference or resonance(stack)
         self.natural, self.unit = natural_size(stack, place.quantity)
 
@@ -128,7 +129,7 @@ class LearnedLaw(Effect):
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return the circuit element that is equivalent to a correction at the terminals."""
-        return circuit_element(self.place, self.law, self.reference, values["size"])
+        return circuit_element(self.place, self.law, self.reference, values.get("size", 0.0))
 
     def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the loss of the law at its reference, if it corrects a constant."""
@@ -138,7 +139,12 @@ class LearnedLaw(Effect):
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the correction."""
-        return corrected(assembly, self.place, self.correction(values)) if values["size"] > 0 else assembly
+        if values[self.law.parameters[0].name] <= 0:
+            return assembly
+        g = self.correction(values)
+        if self.stage == Stage.SHARES:
+            return corrected_on_part(assembly, self.place, g, values[SHARE])
+        return corrected(assembly, self.place, g)
 
 
 def law_name(place: Place, law: Law) -> str:
@@ -175,7 +181,7 @@ def learned_law(place: Place, name: str, stack: Stack, reference: float = 0.0, n
 
 def find_law(place: Place, name: str) -> Law:
     """Return a law that the quantity of a place may follow. Raises PzctlError."""
-    known = {law.name: law for law in laws(place.quantity)}
+    known = {law.name: law for law in (*laws(place.quantity), *laws_of_parts(place.quantity))}
     several = {law.name: law for law in laws_of_several(place.quantity)}
     if name in several:
         return several[name]

@@ -14,6 +14,7 @@ from . import corrections
 from .corrections import Place
 from .laws import Law
 from .learned import LearnedLaw, circuit_element, in_words, law_name
+from .parts import stage_of
 
 BETWEEN_SAMPLES = 0.7
 """Standard deviation of the logarithm of a size from sample to sample, a factor of two.
@@ -48,7 +49,7 @@ class UserLaw(Effect):
     ) -> None:
         """Make the effect; `reference`: where the law has its size, Hz; `values`: value and uncertainty, SI units."""
         self.name, self.place, self.law, self.reference, self.values = name, place, law, reference, dict(values)
-        self.stage = place.stage
+        self.stage = stage_of(place, law)
         self.says = f"{place.says[0].upper()}{place.says[1:]} follows the law {law.name} of your catalogue."
 
     @property
@@ -90,7 +91,7 @@ class UserLaw(Effect):
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
         """Return the circuit element that is equivalent to a correction at the terminals."""
-        return circuit_element(self.place, self.law, self.reference, values["size"])
+        return circuit_element(self.place, self.law, self.reference, values.get("size", 0.0))
 
     def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the loss of the law at its reference, if it corrects a constant."""
@@ -104,8 +105,8 @@ class UserLaw(Effect):
         return LearnedLaw(Place(where, self.place.quantity), self.law, stack, self.reference)
 
     def _element(self) -> dict[str, tuple[float, float, str]]:
-        size, u = self.values["size"]
-        share = u / size
+        size, u = self.values.get("size", (0.0, 0.0))
+        share = u / size if size else 0.0
         return {
             name: (value, share * value, unit)
             for name, (value, unit) in circuit_element(self.place, self.law, self.reference, size).items()

@@ -121,6 +121,26 @@ def test_the_simplest_laws_at_the_terminals_equal_catalogue_effects(quantity, la
     assert learned.reference == resonance(GLUED)
 
 
+def test_a_mass_on_a_part_of_a_face_leaves_the_rest_as_it_is() -> None:
+    place, share = Place("face:front", "impedance"), 0.03
+    part, whole = learned_law(place, "part-inertance", GLUED), learned_law(place, "inertance", GLUED)
+    size = 0.5 * part.natural
+    loaded = Device(GLUED).with_effect(whole, place.where, {"size": size}).impedance(F)
+    found = Device(GLUED).with_effect(part, place.where, {"share": share, "size": size}).impedance(F)
+    np.testing.assert_allclose(1 / found, (1 - share) / GLUED.impedance(F) + share / loaded, rtol=1e-12)
+    none = Device(GLUED).with_effect(part, place.where, {"share": 0.0, "size": size})
+    np.testing.assert_allclose(none.impedance(F), GLUED.impedance(F), rtol=1e-12)
+
+
+def test_a_gap_in_a_part_of_a_bond_equals_a_void() -> None:
+    place, share = Place("interface:disk|ml1", "compliance"), 0.05
+    void = {"fraction": share, "rim": 0.0, "hold": 0.3}
+    expected = Device(GLUED).with_effect(find_effect("bond-void"), place.where, void)
+    found = Device(GLUED).with_effect(learned_law(place, "part-gap", GLUED), place.where, {"share": share})
+    np.testing.assert_allclose(found.impedance(F), expected.impedance(F), rtol=1e-3)  # the void ends in air
+    assert np.max(np.abs(found.impedance(F) / GLUED.impedance(F) - 1)) > 0.05
+
+
 @pytest.mark.parametrize(("law", "fades"), [("echo", 0.0), ("fading-echo", 1.0)])
 def test_an_echo_inside_a_backing_is_that_of_a_backing_of_finite_length(law: str, fades: float) -> None:
     echo, delay = 0.3, 1.7e-6
