@@ -96,9 +96,7 @@ def _plain(problem: Problem, parent: Hypothesis, residual: Hypothesis, start: Sh
     effect, one = law_candidate(problem, parent, start.place, start.steps, start.law)
     own = {one.prefix + name: value for name, value in effect.physical(start.start).items()}
     try:
-        made = fitted(
-            problem, (*parent.effects, one), residual.values | own, (ErrorSizes(),), rounds=0, compared=False
-        )
+        made = fitted(problem, (*parent.effects, one), residual.values | own, (ErrorSizes(),), rounds=0, compared=False)
     except UNCOMPUTABLE:
         return None
     return effect, one, made
