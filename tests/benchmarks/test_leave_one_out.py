@@ -17,7 +17,7 @@ a part of a face and a gap in a part of a bond. Corrected after the run of seed 
 - an effect is deleted with those of the same formula (`SAME_FORMULA`), in which the list would still hold it: a short
   cable is a lead, and the edge mode of `lateral-modes` is the branch of one further resonance;
 - ceramic without piezoelectricity under a face is a passive layer on it, so that its inertance there, or that of a
-  layer that waves cross, is the right law; and a thin layer of glue is such a layer, too.
+  layer that waves cross, is the right law; a thin layer of glue is such a layer, too, or a spring of constant loss.
 """
 
 import json
@@ -72,7 +72,7 @@ _FACE, _SHEAR = ("impedance",), ("compliance", "inertia")
 _LAYER = ("stiffness", "permittivity", "coupling")
 _RESONANCES = ("resonance", "resonance-falling", *(law.name for law in laws_of_several("coupling")))
 EXPECTED: Mapping[str, Expected] = {
-    "bond-layer": Expected(_SHEAR, ("inertance", "layer")),
+    "bond-layer": Expected(_SHEAR, ("inertance", "layer", "constant-phase")),
     "bond-void": Expected((*_SHEAR, "stiffness"), ("part-gap",)),
     "cable": Expected(("series", "shunt"), ("inertance", "layer")),
     "dielectric-dispersion": Expected(("permittivity",), ("power", "debye", "cole-cole", "havriliak-negami")),

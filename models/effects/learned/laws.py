@@ -73,6 +73,15 @@ def _peaked(x: Reals, values: Values) -> Complexes:
     return np.asarray(values["size"] * (1j * x * at / q) / (at**2 - x**2 + 1j * x * at / q), np.complex128)
 
 
+def _constant_phase(x: Reals, values: Values) -> Complexes:
+    """Return an inertance, for an exponent near 1, whose loss angle is the same at all frequencies."""
+    return np.asarray(values["size"] * (1j * x) ** values["exponent"], np.complex128)
+
+
+def _falling_phase(x: Reals, values: Values) -> Complexes:
+    return np.asarray(values["size"] * (1j * x) ** -values["exponent"], np.complex128)
+
+
 def _line(x: Reals, values: Values) -> Complexes:
     root = np.sqrt(1j * x / values["at"])
     return np.asarray(values["size"] * np.tanh(root) / root, np.complex128)
@@ -105,6 +114,8 @@ def _standing(echo: NDArray[np.inexact]) -> Complexes:
 _EXPONENT = _shape("exponent", 0.02, 0.95, 0.2)
 _RISING = _shape("exponent", 0.02, 1.5, 0.2)
 """Of a stiffness: the loss of a viscous solid is proportional to frequency, and below 2 a power dissipates."""
+_ELEMENT = _shape("exponent", 0.02, 0.998, 0.8)
+"""Of a constant-phase element: 1 is an inertance or a spring without loss, 0 a resistance."""
 _SPREAD, _SKEW = _shape("spread", 0.2, 1.0, 0.7), _shape("skew", 0.2, 1.0, 0.7)
 _Q = _shape("q", 1.0, 300.0, 10.0)
 _TRANSIT = EffectParameter("transit", "1", typical=0.01, lower=1e-3, upper=0.24, null=0.03)
@@ -164,6 +175,18 @@ _ADDED = (
         (_size(),),
         lambda x, v: np.asarray(v["size"] * np.sqrt(1j * x), np.complex128),
         "a part that grows as the root of frequency, {size}",
+    ),
+    Law(
+        "constant-phase",
+        (_size(), _ELEMENT),
+        _constant_phase,
+        "a part that grows as frequency to the power {exponent}, {size} at the reference, of constant phase",
+    ),
+    Law(
+        "constant-phase-falling",
+        (_size(), _ELEMENT),
+        _falling_phase,
+        "a part that falls as frequency to the power {exponent}, {size} at the reference, of constant phase",
     ),
     Law(
         "debye",

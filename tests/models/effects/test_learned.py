@@ -121,6 +121,24 @@ def test_the_simplest_laws_at_the_terminals_equal_catalogue_effects(quantity, la
     assert learned.reference == resonance(GLUED)
 
 
+def test_a_thin_layer_of_glue_is_a_compliance_of_constant_phase() -> None:
+    """Without the loss of glue, a compliance alone misses a tenth of what it does."""
+    where, thickness, loss = "interface:disk|ml1", 2e-7, 0.1
+    glue = {"thickness": thickness, "loss": loss}
+    bonded = np.log(Device(GLUED).with_effect(find_effect("bond-layer"), where, glue).impedance(F) / GLUED.impedance(F))
+    place = Place(where, "compliance")
+    lossy, lossless = (learned_law(place, name, GLUED) for name in ("constant-phase", "inertance"))
+    size = 2 * np.pi * lossy.reference * thickness / (2.9e6 * 2550.0)
+    exponent = 1 - 2 / np.pi * np.arctan(loss)
+
+    def missed(device: Device) -> float:
+        change = np.log(device.impedance(F) / GLUED.impedance(F))
+        return float(np.linalg.norm(change - bonded) / np.linalg.norm(bonded))
+
+    assert missed(Device(GLUED).with_effect(lossy, where, {"size": size, "exponent": exponent})) < 0.02
+    assert missed(Device(GLUED).with_effect(lossless, where, {"size": size})) > 0.05
+
+
 def test_a_mass_on_a_part_of_a_face_leaves_the_rest_as_it_is() -> None:
     place, share = Place("face:front", "impedance"), 0.03
     part, whole = learned_law(place, "part-inertance", GLUED), learned_law(place, "inertance", GLUED)
