@@ -11,7 +11,7 @@ from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects.base.corrected_constants import Corrections
 from ..engine.objective import LOADS
-from .error_columns import ErrorColumns, Part
+from .error_columns import ErrorColumns, Part, WeakLine
 from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged, of_the_instrument, rough_guess
 from .joint_descent import CLOSE, NEAR, STEPS, JointPoint, descend
 from .marginal import Marginal
@@ -220,6 +220,16 @@ class MarginalFit:
         """
         own = [k for k, part in enumerate(self.gram.columns.parts) if part == "shape"]
         return SHAPE * float(np.sqrt(np.sum(self._coefficients[own] ** 2) / (2 * FEW_SHAPE)))
+
+    @property
+    def line_heights(self) -> dict[WeakLine, float]:
+        """Most probable height of each weak line, in standard deviations of the height of such lines."""
+        lines = [one for one in self.marginal.local if isinstance(one, WeakLine)]
+        own = np.array([part == "line" for part in self.gram.columns.parts], dtype=bool)
+        residues = self._coefficients[own].reshape(-1, 4)[
+            :, :2
+        ]  # in phase and in quadrature, before the errors of both
+        return dict(zip(lines, np.linalg.norm(residues, axis=1).tolist(), strict=True))
 
     @cached_property
     def _coefficients(self) -> Reals:

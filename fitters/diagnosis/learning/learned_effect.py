@@ -13,7 +13,7 @@ from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate, Problem
 from ..inference.conclusion import Conclusion
-from ..search.local_errors import with_local_errors
+from ..search.local_errors import with_local_errors, without_strong_lines
 from ..validation.forecast import forecast_of
 from .drawn_corrections import PlacedCorrection
 from .explanations import Choice, Explanation, better, chosen, distinct, enough, explains
@@ -53,11 +53,13 @@ class Learning:
 
         What no list holds is imitated by what a list holds, often by several effects. Laws are therefore fitted beside
         the named effects, beside none, beside fewer of them, and beside the best single effects that were `tried`, as
-        far as the budget goes, and all compete. Artefacts of unknown cause are no such effects: they imitate nothing.
+        far as the budget goes, and all compete. Artefacts of unknown cause are no such effects: they imitate nothing. A
+        line that is too strong to be one of those that every device has is no usual error: it may have a law.
         """
+        usual = replace(self, problem=without_strong_lines(self.problem, conclusion.final))
         parents = [conclusion.final, conclusion.null, *(one.without for one in conclusion.named)]
         single = (one for one in tried if len(one.effects) == 1 and one.effects[0].effect.name != UNKNOWN)
-        found, places = self.extended(conclusion, [*parents, *single])
+        found, places = usual.extended(conclusion, [*parents, *single])
         for _ in range(_LAWS - 1):
             if found is conclusion or _complete(found):
                 break

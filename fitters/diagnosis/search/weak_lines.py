@@ -28,7 +28,7 @@ _FEWEST, _ON_A_LINE = 20, 2
 """Fewest points of a recording, and within the width of a line, that distinguish a line from noise."""
 _REFINEMENTS = 5
 """Steps from a trial to the best frequency and Q beside it."""
-_WEAK = 4.0
+WEAK = 4.0
 """Standard deviations of a weak line's height (`prior_scales.LINE`); one in sixteen thousand is higher."""
 _EXPECTED = 3.0
 """Prior mean of the number of lines in a recording: two ceramics in three have one to five."""
@@ -45,7 +45,7 @@ class FoundLine:
     @property
     def weak(self) -> bool:
         """Whether it is no higher than the lines that every device has."""
-        return self.height <= _WEAK
+        return self.height <= WEAK
 
 
 def weak_lines(parent: Hypothesis, switches: Sequence[RangeSwitch] = ()) -> tuple[WeakLine, ...]:

@@ -25,8 +25,11 @@ from pzctl.fitters.diagnosis.learning.plain_laws import plainly_better_laws
 from pzctl.fitters.diagnosis.learning.sharp import SharpCorrection, sharp_corrections
 from pzctl.fitters.diagnosis.learning.usual_fits import has_usual_fixture, usually_fitted
 from pzctl.fitters.diagnosis.search.echo_delays import likely_delays, longest_delay
+from pzctl.fitters.diagnosis.search.local_errors import without_strong_lines
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
+from pzctl.fitters.error_model.error_columns import WeakLine
+from pzctl.fitters.error_model.prior_scales import LINE
 from pzctl.fitters.plugins import load_fitter, run
 from pzctl.models.effects import Device, Effect, find_effect
 from pzctl.models.effects.learned.corrections import Place
@@ -209,6 +212,19 @@ def test_weak_lines_are_found_at_their_frequencies(bare: Device) -> None:
     assert with_lines.log_evidence > null.log_evidence + 50
     nothing = Problem.of(solve(recorded(stack.impedance(F)), lambda _: None), None)
     assert weak_lines(fitted(nothing, (), nothing.values, near=True)) == ()
+
+
+@pytest.mark.parametrize(("size", "weak"), [(0.005, True), (0.1, False)])
+def test_a_line_of_the_error_model_that_is_higher_than_lines_are_is_none(bare: Device, size: float, weak: bool) -> None:
+    """0.1 of the clamped capacitance's admittance has a cause of its own, whatever was estimated of it beforehand."""
+    place, q = Place("terminals", "shunt"), 60.0
+    law = learned_law(place, "resonance", bare.bare)
+    device = bare.with_effect(law, place.where, law.physical({"size": size, "at": 0.95, "q": q}))
+    line = WeakLine("disk", 0.95 * law.reference, q)
+    problem = replace(Problem.of(solve(recorded(device.impedance(F)), lambda _: None), None), local=(line,))
+    found = fitted(problem, (), problem.values)
+    assert found.fit.line_heights[line] == pytest.approx(size / LINE, rel=0.2)
+    assert without_strong_lines(problem, found).local == ((line,) if weak else ())
 
 
 def test_a_wire_is_no_residual_of_a_fixture(bare: Device) -> None:
