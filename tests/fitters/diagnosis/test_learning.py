@@ -129,6 +129,22 @@ def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_
     assert sum(one.startswith("trying a correction") for one in said) == 1
 
 
+@pytest.mark.usefixtures("at_the_terminals")
+def test_an_effect_of_the_catalogue_that_the_search_has_missed_is_told(bare: Device) -> None:
+    """A resistance that errors of instrument and fixture describe as well, but less probably."""
+    f = np.linspace(1.5e6, 7.5e6, 41)
+    problem = Problem.of(solve(recorded(bare.bare.impedance(f) + 0.03, f, noise=3e-5), lambda _: None), None)
+    null = fitted(problem, (), problem.values)
+    ended = Conclusion(null, null, (), remaining_of(null), something_else=0.0, nearest=None)
+    assert not ended.something_left
+    resistance = _candidate(find_effect("series-resistance"), "terminals", bare.bare)
+    missed = fitted(problem, (resistance,), problem.values)
+    found, _ = Learning(problem).extended(ended, [null, missed])
+    assert [(one.candidate.effect.name, one.candidate.where) for one in found.named] == [
+        ("series-resistance", "terminals")
+    ]
+
+
 def _candidate(effect: Effect, where: str, stack: Stack) -> Candidate:
     return Candidate(effect, where, ("disk",), effect.effect_parameters(stack, where))
 
