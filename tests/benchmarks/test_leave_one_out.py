@@ -18,6 +18,9 @@ a part of a face and a gap in a part of a bond. Corrected after the run of seed 
   cable is a lead, and the edge mode of `lateral-modes` is the branch of one further resonance;
 - ceramic without piezoelectricity under a face is a passive layer on it, so that its inertance there, or that of a
   layer that waves cross, is the right law; a thin layer of glue is such a layer, too, or a spring of constant loss.
+
+And after that of seed 301130: the spring on a face has a loss of 0.05 at all frequencies in this world, so that its law
+is a part of constant phase. (Counted as wrong in the table of that run.)
 """
 
 import json
@@ -78,7 +81,7 @@ EXPECTED: Mapping[str, Expected] = {
     "dielectric-dispersion": Expected(("permittivity",), ("power", "debye", "cole-cole", "havriliak-negami")),
     "drive-nonlinearity": Expected(("stiffness",), ("softening",)),
     "electrode-mass": Expected((*_FACE, "stiffness"), ("inertance", "layer")),
-    "face-load": Expected(_FACE, ("resistance", "compliance", "root")),
+    "face-load": Expected(_FACE, ("resistance", "compliance", "root", "constant-phase-falling")),
     "finite-backing": Expected((*_FACE, "load"), ("echo", "fading-echo")),
     "lateral-modes": Expected(_LAYER, _RESONANCES),
     "lead-inductance": Expected(("series",), ("inertance",)),
