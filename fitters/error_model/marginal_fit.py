@@ -226,9 +226,8 @@ class MarginalFit:
         """Most probable height of each weak line, in standard deviations of the height of such lines."""
         lines = [one for one in self.marginal.local if isinstance(one, WeakLine)]
         own = np.array([part == "line" for part in self.gram.columns.parts], dtype=bool)
-        residues = self._coefficients[own].reshape(-1, 4)[
-            :, :2
-        ]  # in phase and in quadrature, before the errors of both
+        # in phase and in quadrature; the errors of frequency and Q follow
+        residues = self._coefficients[own].reshape(-1, 4)[:, :2]
         return dict(zip(lines, np.linalg.norm(residues, axis=1).tolist(), strict=True))
 
     @cached_property
