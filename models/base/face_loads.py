@@ -57,21 +57,30 @@ class Dot:
 
 @dataclass(frozen=True)
 class Coat:
-    """A thin layer of an isotropic solid over a whole face: a printed electrode, ink, wax.
+    """A thin layer of an isotropic solid over each of both faces: a printed electrode, ink, wax.
 
-    Much thinner than any wave in it: it moves as the face does, and is stretched with it as a membrane is.
+    Much thinner than any wave in it: it is stretched and bent with the face, as a thin plate is.
     """
 
     mass: float
-    """Mass per area, kg/m2."""
+    """Mass per area of the front, kg/m2."""
     speed: float
     """Speed of longitudinal waves, m/s."""
     q: float = 20.0
     """Quality factor of both moduli."""
     poisson: float = 0.37
     """Poisson's ratio."""
+    density: float = math.inf
+    """kg/m3; infinite for a layer without thickness."""
+    back: float = 1.0
+    """Mass on the back face over that on the front."""
     damping: float = 0.0
     """See `softened`."""
+
+    @property
+    def thickness(self) -> float:
+        """M."""
+        return self.mass / self.density
 
     @property
     def tension(self) -> tuple[complex, complex]:
@@ -81,8 +90,22 @@ class Coat:
         return c33 * (1 - ratio**2), c33 * ratio * (1 - ratio)
 
 
-Load: TypeAlias = Dot | Coat
-"""What may lie on a face."""
+@dataclass(frozen=True)
+class DeadLayer:
+    """Ceramic without polarisation under the faces."""
+
+    front: float
+    """Depth under the front, m."""
+    back: float = 0.0
+    """Depth under the back, m."""
+    stiffness: float = 1.0
+    """Over that of the same ceramic with its grains in all directions."""
+    permittivity: float = 1.0
+    """Over that of the same."""
+
+
+Load: TypeAlias = Dot | Coat | DeadLayer
+"""What may lie on a face or under it."""
 
 
 @runtime_checkable
@@ -90,11 +113,14 @@ class HasFaces(Protocol):
     """A model that is no stack, with faces on which something may lie."""
 
     def faces_for(self, load: type[Load]) -> Sequence[str]:
-        """Return the faces that differ from each other (`face:front`); none if the model cannot have such a load."""
+        """Return the places that differ from each other: `face:front`, for what is in the ceramic `layer:NAME`.
+
+        None if the model cannot have such a load.
+        """
         ...
 
     def with_load(self, where: str, load: Load) -> Model:
-        """Return the model with a load on this face."""
+        """Return the model with a load at one of these places."""
         ...
 
     def moved_by_loads(self, frequency: Frequencies, other: Model) -> Complexes:

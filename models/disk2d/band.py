@@ -11,12 +11,13 @@ Three steps, each exact up to higher orders:
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import orth
 
 from ..base.arrays import Complexes, Frequencies, Reals
-from .coat import Coating
+from .coat import FaceTraces, FaceWeights, face_forms
 from .full import Shape
 from .line_elements import Numbers, real_times
 from .reduced import ELASTIC, EPS11, EPS33, PIEZO, DiskError, ReducedDisk, symmetric_modes
@@ -51,21 +52,30 @@ class BandModes:
 
 
 def modes_of(
-    disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool, coating: Coating | None = None
+    disk: ReducedDisk, shape: Shape, weights: Complexes, rough: bool, faces: FaceWeights | None = None
 ) -> BandModes:
     """Return the modes of the disk for weights of TERMS, shape (13,); `rough`: without the losses between them.
 
-    Raises DiskError for losses that are not finite.
+    `faces`: what is on them at the same frequency alone. Raises DiskError for losses that are not finite.
     """
-    stiffness = disk.condensed(weights.real)
-    if coating is None:
-        squared, shapes = np.linalg.eigh(stiffness / shape.mass)
+    stiffness, on_faces = disk.condensed(weights.real), np.zeros((), np.complex128)
+    if faces is not None:
+        real, imag = (
+            np.tensordot(part, disk.on_face, 1) for part in (faces.stiffness[0].real, faces.stiffness[0].imag)
+        )
+        on_faces = real + 1j * imag
+        if faces.is_dead:
+            charge = disk.charge_of(weights)
+            on_faces = on_faces + (charge.T * faces.series[0]) @ charge
+    of_all = (stiffness + on_faces.real) / shape.mass
+    if faces is None:
+        squared, shapes = np.linalg.eigh(of_all)
     else:
-        of_all = (stiffness + coating.stiffness.real) / shape.mass
-        squared, shapes = symmetric_modes(of_all, np.eye(len(of_all)) + coating.mass)
+        heavier = np.tensordot(faces.inertia, disk.on_face, 1) / shape.mass
+        squared, shapes = symmetric_modes(of_all, np.eye(len(of_all)) + heavier)
     losses = None
     if not rough:
-        lossy = disk.losses(weights) + (0.0 if coating is None else coating.stiffness.imag)
+        lossy = disk.losses(weights) + on_faces.imag
         losses = shapes.T @ (lossy / shape.mass) @ shapes
     if losses is not None and not np.all(np.isfinite(losses)):
         raise DiskError("the losses of these constants are not finite: they are those of no disk")
@@ -147,11 +157,9 @@ class Band:
     drive: Numbers
     """Shape (4, m)."""
     own_mass: Numbers
-    """Of the disk alone, shape (m, m)."""
-    mass: Numbers
-    """With that of a coat, shape (m, m)."""
-    coat: Numbers
-    """Stiffness of a coat, shape (m, m); shape () without one."""
+    """Shape (m, m)."""
+    faces: FaceWeights | None
+    """What is on the faces."""
     shapes: Numbers
     """Shape (nu, m)."""
     disk: ReducedDisk
@@ -164,19 +172,17 @@ class Band:
         shape: Shape,
         frequency: Frequencies,
         weights: Complexes,
-        coating: Coating | None = None,
+        faces: FaceWeights | None = None,
     ) -> "Band":
         """Project the disk on `shapes`; weights of TERMS at each frequency, shape (N, 13)."""
-        mass = shape.mass * (shapes.T @ shapes)
         return cls(
             frequency,
             weights,
             np.array([shapes.T @ real_times(K, shapes) for K in disk.stiffness]),
             np.array([real_times(G.T, shapes).T for G in disk.coupling]),
             disk.drive @ shapes,
-            mass,
-            mass if coating is None else mass + shape.mass * (shapes.T @ real_times(coating.mass, shapes)),
-            np.array(0.0) if coating is None else shapes.T @ (coating.stiffness @ shapes),
+            shape.mass * (shapes.T @ shapes),
+            faces,
             shapes,
             disk,
         )
@@ -186,34 +192,72 @@ class Band:
 
         u H u + 2 u b, and what the potential beyond the electrodes adds where there is no displacement.
         """
-        y, form, _ = self.solve_with(np.zeros((self.mass.shape[0], 0)))
+        y, form, _ = self.solve_with(np.zeros((self.own_mass.shape[0], 0)))
         return y, form
 
     def solve_with(self, loads: Numbers) -> tuple[Complexes, Complexes, Complexes]:
         """Return the same, and the displacement by each of `loads`, over the shapes, (m, K): shape (K, N, m)."""
-        squared = (2 * np.pi * self.frequency) ** 2
-        at, nodes = self._nodes()
+        at, nodes = self._at, self._node_weights
         force = self.weights[:, PIEZO] @ self.drive + at @ np.array([self._beyond(w) for w in nodes])
-        matrices = np.array([self._condensed(w) for w in nodes])
+        if self._series is not None:
+            volt = nodes[:, [EPS33]] * self.disk.volt_charge * (self._of_nodes @ self._series)
+            force = force + at @ np.einsum("akm,ak->am", self.charges, volt)
         count = self.frequency.size
         every = np.concatenate([force, *(np.broadcast_to(-one, force.shape) for one in loads.T)])
-        at, squared = np.tile(at, (1 + loads.shape[1], 1)), np.tile(squared, 1 + loads.shape[1])
-        made = _by_poles(matrices, self.mass, at, every, squared) if len(nodes) == _NODES.size else None
-        y, form = made or _by_each(matrices, self.mass, at, every, squared)
+        y, form = self.answer(every)
         return y[:count], form[:count] + self._still(), y[count:].reshape(loads.shape[1], count, y.shape[1])
 
-    def _nodes(self) -> tuple[Reals, Complexes]:
-        """Return the weight of each node at each frequency, shape (N, 3), and the weights of TERMS there, (3, 13).
+    def answer(self, force: Numbers) -> tuple[Complexes, Complexes]:
+        """Return the displacement y by the opposite of forces and y H y + 2 y force; shapes (k N, m) and (k N,).
+
+        `force`: k times at each frequency, shape (k N, m).
+        """
+        squared, times = (2 * np.pi * self.frequency) ** 2, len(force) // self.frequency.size
+        at, squared = np.tile(self._at, (times, 1)), np.tile(squared, times)
+        matrices, mass = self._system
+        made = _by_poles(matrices, mass, at, force, squared) if len(matrices) == _NODES.size else None
+        return made or _by_each(matrices, mass, at, force, squared)
+
+    @cached_property
+    def _system(self) -> tuple[Complexes, Numbers]:
+        """Stiffness at each node, shape (3, m, m), and mass, with all that is on the faces."""
+        matrices, mass = np.array([self._condensed(w) for w in self._node_weights]), self.own_mass
+        if self.faces is not None:
+            matrices = matrices + np.tensordot(self._of_nodes @ self.faces.stiffness, self.on_face, 1)
+            mass = mass + np.tensordot(self.faces.inertia, self.on_face, 1)
+        if self._series is not None:
+            series = (self._of_nodes @ self._series)[:, None]
+            matrices = matrices + (self.charges.transpose(0, 2, 1) * series) @ self.charges
+        return matrices, mass
+
+    @property
+    def _at(self) -> Reals:
+        """Weight of each node at each frequency, shape (N, 3)."""
+        return self._nodes[0]
+
+    @property
+    def _of_nodes(self) -> Reals:
+        """Weight of each frequency at each node, shape (3, N)."""
+        return self._nodes[1]
+
+    @property
+    def _node_weights(self) -> Complexes:
+        """Weights of TERMS at each node, shape (3, 13)."""
+        return self._of_nodes @ self.weights
+
+    @cached_property
+    def _nodes(self) -> tuple[Reals, Reals]:
+        """`_at` and `_of_nodes`.
 
         Constants are smooth over an octave, so the parabola through all of them serves. One or two frequencies are
         their own nodes.
         """
         if self.frequency.size < _NODES.size:
-            return np.eye(self.frequency.size), self.weights
+            return np.eye(self.frequency.size), np.eye(self.frequency.size)
         log_f: Reals = np.log(self.frequency)
         low, high = float(log_f[0]), float(log_f[-1])
         at = _lagrange((log_f - (low + high) / 2) * (2 / (high - low)))
-        return at, np.linalg.pinv(at) @ self.weights
+        return at, np.asarray(np.linalg.pinv(at), np.float64)
 
     def _beyond(self, weights: Complexes) -> Complexes:
         """Return the force of the potential beyond the electrodes, shape (m,)."""
@@ -222,34 +266,85 @@ class Band:
 
     def _still(self) -> Complexes:
         charge = self.weights[:, [EPS33]] * self.disk.lift
-        return np.einsum("np,np->n", charge, charge / self.disk.permittivity(self.weights))
+        still = np.einsum("np,np->n", charge, charge / self.disk.permittivity(self.weights))
+        if self._series is None:
+            return still
+        return still + self.weights[:, EPS33] ** 2 * (self._series @ self.disk.volt_charge**2)
 
     def _condensed(self, weights: Complexes) -> Complexes:
         coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
         stiffness = np.tensordot(weights[ELASTIC], self.stiffness, 1)
-        return self.coat + stiffness + (coupling / self.disk.permittivity(weights)) @ coupling.T
+        return stiffness + (coupling / self.disk.permittivity(weights)) @ coupling.T
 
-    def slopes(self, y: Complexes) -> tuple[Complexes, Complexes]:
+    @property
+    def _series(self) -> Complexes | None:
+        """`FaceWeights.series`; None without dead layer."""
+        return self.faces.series if self.faces is not None and self.faces.is_dead else None
+
+    @cached_property
+    def traces(self) -> FaceTraces:
+        """Motion of the face of each shape."""
+        return self.disk.traces.mixed(self.shapes)
+
+    @cached_property
+    def on_face(self) -> Numbers:
+        """`face_forms` of the shapes, shape (11, m, m)."""
+        return face_forms(self.traces, self.traces)
+
+    @cached_property
+    def _charge(self) -> Numbers:
+        """Charge of the shapes on the electrode for each of the piezoelectric terms, shape (4, K, m)."""
+        return np.array([real_times(one, self.shapes) for one in self.disk.charge])
+
+    @cached_property
+    def charges(self) -> Complexes:
+        """Charge of the shapes on the electrode with the potential eliminated, at each node, shape (3, K, m)."""
+        made = list[Complexes]()
+        for weights in self._node_weights:
+            coupling = np.tensordot(weights[PIEZO], self.coupling, 1)
+            spread = np.tensordot(weights[EPS11:], self.disk.spread, 1)
+            by_potential = spread @ (coupling / self.disk.permittivity(weights)).T
+            made.append(np.asarray(np.tensordot(weights[PIEZO], self._charge, 1) + by_potential, np.complex128))
+        return np.array(made)
+
+    def charge(self, y: Complexes) -> Complexes:
+        """Return the charge on the functions along the electrode of a motion and one volt, shape (N, K)."""
+        by_motion = sum(self._at[:, [a]] * (y @ one.T) for a, one in enumerate(self.charges))
+        return by_motion + self.weights[:, [EPS33]] * self.disk.volt_charge
+
+    def pulled(self, across: Complexes) -> Complexes:
+        """Return the force of potentials along the electrode, over its functions, (N, K): shape (N, m)."""
+        made = np.zeros((across.shape[0], self.own_mass.shape[0]), np.complex128)
+        for at, one in zip(self._at.T, self.charges, strict=True):
+            made += at[:, None] * (across @ one)
+        return made
+
+    def slopes(self, y: Complexes, across: Complexes | None = None) -> tuple[Complexes, Complexes]:
         """Return d(X H X)/d weight of each of TERMS, shape (N, 13), and by that of the disk's mass, (N,); volt apart.
 
-        X is the stationary solution, so its own change does not count: each is X (term) X.
+        X is the stationary solution, so its own change does not count: each is X (term) X. `across`: potential across a
+        dead layer, over the functions along the electrode, (N, K); its charge has each term as a part, too.
         """
         made = np.zeros((y.shape[0], self.weights.shape[1]), np.complex128)
         for k, K in zip(ELASTIC.tolist(), self.stiffness, strict=True):
             made[:, k] = np.einsum("ni,ni->n", y, y @ K)
         fields = [y @ G for G in self.coupling]
         charge = sum(self.weights[:, [k]] * field for k, field in zip(PIEZO.tolist(), fields, strict=True))
-        potential = (charge + self.weights[:, [EPS33]] * self.disk.lift) / self.disk.permittivity(self.weights)
+        potential = charge + self.weights[:, [EPS33]] * self.disk.lift
+        spread: Complexes | None = None if across is None else across @ self.disk.spread
+        if spread is not None:
+            potential = potential + self.weights[:, [EPS11]] * spread[0] + self.weights[:, [EPS33]] * spread[1]
+        potential = potential / self.disk.permittivity(self.weights)
         for k, field, b in zip(PIEZO.tolist(), fields, self.drive, strict=True):
             made[:, k] = 2 * (np.einsum("ni,ni->n", field, potential) + y @ b)
         made[:, EPS11] = -np.einsum("ni,i,ni->n", potential, self.disk.kappa, potential)
         made[:, EPS33] = np.einsum("ni,ni->n", potential, 2 * self.disk.lift - potential)
+        if across is not None and spread is not None:
+            for k, own in zip(PIEZO.tolist(), self._charge, strict=True):
+                made[:, k] += 2 * np.einsum("nk,nk->n", across, y @ own.T)
+            made[:, EPS11] += 2 * np.einsum("np,np->n", spread[0], potential)
+            made[:, EPS33] += 2 * (np.einsum("np,np->n", spread[1], potential) + across @ self.disk.volt_charge)
         return made, np.einsum("ni,ni->n", y, y @ self.own_mass)
-
-    def on_face(self, y: Complexes) -> Complexes:
-        """Return the `face_forms` of the motion, shape (N, 3)."""
-        moved = y @ self.shapes.T
-        return np.array([np.einsum("ni,ni->n", moved, moved @ form) for form in self.disk.face]).T
 
 
 def _lagrange(x: Reals) -> Reals:

@@ -1,20 +1,21 @@
 """Capacitance over frequency of a reduced disk, with the derivative by every constant and size."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Reals
-from ..base.face_loads import Coat
 from .band import Band, band_shapes, modes_of
-from .coat import Coating, change_by
+from .faces import BARE, FaceMotion, Faces
 from .full import Shape
+from .line_elements import Numbers
 from .matrices import CONSTANTS, OF_TERM, POWERS
 from .reduced import DiskError, ReducedDisk
+from .unlike_faces import OddMotion
 
 _OCTAVES = 1.0
 _EPS33S = CONSTANTS.index("eps33S")
@@ -46,25 +47,12 @@ def bands_of(frequency: Frequencies) -> list[slice]:
     return [slice(low, high) for low, high in pairwise(ends) if high > low]
 
 
-def middle_of(weights: Complexes, frequency: Frequencies) -> Complexes:
-    """Return the weights of TERMS amid rising frequencies, shape (13,). Raises DiskError if any is not finite."""
+def middle_of(weights: Complexes, frequency: Frequencies) -> int:
+    """Return the index amid rising frequencies. Raises DiskError if any of the weights of TERMS is not finite."""
     if not np.all(np.isfinite(weights)):
         raise DiskError("these constants are not finite: they are those of no disk")
     middle = int(np.searchsorted(frequency, math.sqrt(float(frequency[0]) * float(frequency[-1]))))
-    return weights[min(middle, frequency.size - 1)]
-
-
-def _in_bands(
-    disk: ReducedDisk, shape: Shape, weights: Complexes, frequency: Frequencies, rough: bool, coat: Coat | None
-) -> list[tuple[slice, Band]]:
-    coating = None if coat is None else Coating.of(disk.face, coat, shape)
-    modes = modes_of(disk, shape, middle_of(weights, frequency), rough, coating)
-    made: list[tuple[slice, Band]] = []
-    for part in bands_of(frequency):
-        f = frequency[part]
-        shapes = band_shapes(modes, float(f[0]), float(f[-1]), weights[part][f.size // 2])
-        made.append((part, Band.of(disk, shapes, shape, f, weights[part], coating)))
-    return made
+    return min(middle, frequency.size - 1)
 
 
 def assembled_slopes(
@@ -99,6 +87,54 @@ def assembled_slopes(
 
 
 @dataclass(frozen=True, eq=False)
+class _InBand:
+    """The motion of a disk in one band."""
+
+    at: slice
+    band: Band
+    y: Complexes
+    """Displacement for one volt, shape (N, m)."""
+    odd: OddMotion | None
+    """What it causes if the faces are not alike."""
+
+    @cached_property
+    def motion(self) -> Complexes:
+        """The same with what the odd motion gives back."""
+        return self.y if self.odd is None else self.y + self.odd.given_back
+
+    def slopes(self) -> tuple[Complexes, Complexes]:
+        """Return the derivatives of the form by the weights of TERMS, shape (N, 13), and by that of the mass, (N,)."""
+        faces = self.band.faces
+        if faces is None or not faces.is_dead:
+            made = self.band.slopes(self.motion)
+            return made if self.odd is None else _sum(made, self.odd.odd.slopes(self.odd.y))
+        q = self.band.charge(self.motion)
+        if self.odd is None:
+            return self.band.slopes(self.motion, faces.across(q))
+        q_odd, half = self.odd.odd.charge(self.odd.y), self.odd.difference
+        made = self.band.slopes(self.motion, faces.across(q) + half.across(q_odd))
+        return _sum(made, self.odd.odd.slopes(self.odd.y, faces.across(q_odd) + half.across(q)))
+
+    def on_faces(self) -> tuple[Complexes, Complexes]:
+        """Return the `forms` and `charges` of `FaceMotion` in this band."""
+        forms, q = _quadratic(self.band.on_face, self.motion, self.motion), self.band.charge(self.motion)
+        if self.odd is None:
+            return np.array([forms, forms]), np.array([q, q]) ** 2
+        forms = forms + _quadratic(self.odd.odd.on_face, self.odd.y, self.odd.y)
+        mixed, q_odd = 2 * _quadratic(self.odd.cross, self.motion, self.odd.y), self.odd.odd.charge(self.odd.y)
+        return np.array([forms + mixed, forms - mixed]), np.array([q + q_odd, q - q_odd]) ** 2
+
+
+def _sum(one: tuple[Complexes, Complexes], other: tuple[Complexes, Complexes]) -> tuple[Complexes, Complexes]:
+    return one[0] + other[0], one[1] + other[1]
+
+
+def _quadratic(forms: Numbers, left: Complexes, right: Complexes) -> Complexes:
+    """Return each of the forms between two motions, shape (N, 11)."""
+    return np.array([np.einsum("ni,ni->n", left @ form, right) for form in forms]).T
+
+
+@dataclass(frozen=True, eq=False)
 class SolvedDisk:
     """A reduced disk, solved over frequency."""
 
@@ -109,41 +145,49 @@ class SolvedDisk:
     """Hz, rising, shape (N,)."""
     capacitance: Complexes
     """Y/(jw) in F, shape (N,)."""
-    coat: Coat | None
-    """On both faces."""
-    _parts: Sequence[tuple[slice, Band, Complexes]]
-    """Bands with their displacements."""
+    faces: Faces
+    _parts: Sequence[_InBand]
 
     @cached_property
     def slopes(self) -> CapacitanceSlopes:
         """The derivatives, which cost no further solution, since the form is stationary, but half as much again."""
-        by_term = np.zeros((self.frequency.size, OF_TERM.size), np.complex128)
-        by_mass = np.zeros(self.frequency.size, np.complex128)
-        for part, band, y in self._parts:
-            by_term[part], by_mass[part] = band.slopes(y)
-        made = assembled_slopes(self.shape, self.constants, self.frequency, self.capacitance, by_term, by_mass)
-        if self.coat is None:
+        made = self._of_live
+        if not self.faces:
             return made
-        # of a coat, only the mass depends on a size: it is in proportion to the area
-        inertia = change_by(replace(self.coat, speed=0.0), self.shape, self.on_faces, self.frequency)
-        return replace(made, by_log_radius=made.by_log_radius - 8 * np.pi * inertia)
+        by_constant, by_size = self.faces.form_slopes(self.shape, self.constants, self.frequency, self.on_faces)
+        by_radius, by_thickness, by_density = -4 * np.pi * by_size.T
+        return CapacitanceSlopes(
+            made.capacitance,
+            made.by_constant - 4 * np.pi * by_constant,
+            made.by_log_radius + by_radius,
+            made.by_log_thickness * (self.shape.thickness / self.faces.live(self.shape).thickness) + by_thickness,
+            made.by_log_density + by_density,
+        )
 
     @cached_property
-    def on_faces(self) -> Complexes:
-        """`face_forms` of the motion for one volt, shape (N, 3)."""
-        made = np.empty((self.frequency.size, 3), np.complex128)
-        for part, band, y in self._parts:
-            made[part] = band.on_face(y)
-        return made
+    def _of_live(self) -> CapacitanceSlopes:
+        """The same by the constants and sizes of the live ceramic, all weights of what is on the faces held."""
+        by_term = np.zeros((self.frequency.size, OF_TERM.size), np.complex128)
+        by_mass = np.zeros(self.frequency.size, np.complex128)
+        for one in self._parts:
+            by_term[one.at], by_mass[one.at] = one.slopes()
+        live = self.faces.live(self.shape)
+        return assembled_slopes(live, self.constants, self.frequency, self.capacitance, by_term, by_mass)
 
-    def with_coat(self, coat: Coat | None) -> Complexes:
-        """Return the capacitance with a slightly different coat less that with this one, F, (N,), to first order."""
-        return -4 * np.pi * (self._of_coat(coat) - self._of_coat(self.coat))
+    @cached_property
+    def on_faces(self) -> FaceMotion:
+        """Motion of front and back for one volt."""
+        forms, charges = zip(*(one.on_faces() for one in self._parts), strict=True)
+        return FaceMotion(np.concatenate(forms, 1), np.concatenate(charges, 1), self._parts[0].band.disk.waves)
 
-    def _of_coat(self, coat: Coat | None) -> Complexes:
-        if coat is None:
-            return np.zeros(self.frequency.size, np.complex128)
-        return change_by(coat, self.shape, self.on_faces, self.frequency)
+    def with_faces(self, faces: Faces) -> Complexes:
+        """Return the capacitance with slightly different faces less that with these, F, (N,), to first order."""
+        before, after = (
+            one.form(self.shape, self.constants, self.frequency, self.on_faces) for one in (self.faces, faces)
+        )
+        thinner = math.log(faces.live(self.shape).thickness / self.faces.live(self.shape).thickness)
+        by_thickness = self._of_live.by_log_thickness * thinner if thinner else 0.0
+        return -4 * np.pi * (after - before) + by_thickness
 
 
 def solved(
@@ -152,18 +196,38 @@ def solved(
     constants: Complexes,
     frequency: Frequencies,
     rough: bool = False,
-    coat: Coat | None = None,
+    faces: Faces = BARE,
+    odd: Callable[[], ReducedDisk] | None = None,
 ) -> SolvedDisk:
     """Solve the disk at rising frequencies in Hz; constants at each of them, shape (N, 10), SI.
 
     Constants are smooth over an octave, as causal ones are: a parabola in ln f stands for them.
-    `rough`: to a thousandth or so, at half the cost. `coat`: on both faces. Raises DiskError for constants that are not
-    finite.
+    `rough`: to a thousandth or so, at half the cost. `odd`: gives the reduced disk of antisymmetric motion, which faces
+    that are not alike cause; without it only their mean counts. Raises DiskError for constants that are not finite.
     """
-    made = constants[:, _EPS33S] * np.pi * shape.radius**2 / shape.thickness
-    parts: list[tuple[slice, Band, Complexes]] = []
-    for part, band in _in_bands(disk, shape, shape.weights(constants), frequency, rough, coat):
+    live = faces.live(shape)
+    weights = live.weights(constants)
+    middle = middle_of(weights, frequency)
+    mean, difference = None, None
+    if faces:
+        front, back = faces.weights(shape, constants, disk.waves)
+        mean, difference = front.half_with(back, 1), front.half_with(back, -1)
+    amid = None if mean is None else mean.at([middle])
+    modes, other = modes_of(disk, live, weights[middle], rough, amid), None
+    if odd is not None and not faces.alike:
+        # of second order: a thousandth of it is nothing
+        other = odd(), modes_of(odd(), live, weights[middle], True, amid)
+    made = constants[:, _EPS33S] * np.pi * live.radius**2 / live.thickness
+    parts: list[_InBand] = []
+    for at in bands_of(frequency):
+        f = frequency[at]
+        shapes = band_shapes(modes, float(f[0]), float(f[-1]), weights[at][f.size // 2])
+        band = Band.of(disk, shapes, live, f, weights[at], None if mean is None else mean.at(at))
         y, form = band.solve()
-        made[part] -= 4 * np.pi * form
-        parts.append((part, band, y))
-    return SolvedDisk(shape, constants, frequency, made, coat, parts)
+        caused = None
+        if other is not None and difference is not None:
+            caused = OddMotion.of(band, y, *other, live, difference.at(at))
+            form = form + caused.form
+        made[at] -= 4 * np.pi * form
+        parts.append(_InBand(at, band, y, caused))
+    return SolvedDisk(shape, constants, frequency, made, faces, parts)

@@ -1,5 +1,6 @@
 """A round disk with its full 6mm constants, as a `Model` for the fitters."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -8,8 +9,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Complexes, Frequencies, Impedances, j_omega, softened
-from ..base.face_loads import FACES, Coat, Load
+from ..base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega, softened
+from ..base.face_loads import FACES, Coat, DeadLayer, Dot, Load
 from ..base.model import Model
 from ..base.names import require
 from ..constants.causal import continued
@@ -17,6 +18,7 @@ from ..constants.tensor import Tensor6mm
 from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, require_positive
 from .capacitance import CapacitanceSlopes, SolvedDisk, solved
 from .dotted import DottedDisk, FreeDisk, PlacedDot
+from .faces import BARE, Faces
 from .full import Shape
 from .loadable import LoadableDisk
 from .matrices import CONSTANTS
@@ -55,11 +57,13 @@ class Disk2D:
     rough: bool = False
     """Accurate to a thousandth or so, at half the cost: for a search."""
     loadable: Callable[[], LoadableDisk] | None = field(default=None, compare=False, repr=False)
-    """Gives the reduced disk on whose faces dots can lie, for a like D/t as `reduced`; None: they can be coated."""
+    """Gives the reduced disk on whose faces dots can lie, for a like D/t as `reduced`; None: `faces` can be loaded."""
+    odd: Callable[[], ReducedDisk] | None = field(default=None, compare=False, repr=False)
+    """Gives the reduced disk of antisymmetric motion, for faces that are not alike; None: only their mean counts."""
     dots: tuple[PlacedDot, ...] = ()
     """What lies on parts of the faces."""
-    coat: Coat | None = None
-    """What covers either electrode."""
+    faces: Faces = BARE
+    """What covers either electrode, and how much of the ceramic under it is dead."""
     _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
     """The last results of this disk and of copies with other values: a fit asks for values first, then derivatives."""
 
@@ -102,22 +106,29 @@ class Disk2D:
         return replace(self, dielectric=change(self.dielectric or self.law))
 
     def faces_for(self, load: type[Load]) -> tuple[str, ...]:
-        """Return the front if it can have such a load: the back is like it, and a coat covers both.
+        """Return the front if it can have such a load: the back is like it. Ceramic is dead in the disk itself.
 
-        A disk can have dots or a coat, not both.
+        A disk can have dots, or electrodes and dead layers, not both; these only if they cover the whole faces.
         """
-        return FACES[1:] if (load is Coat) == (self.loadable is None) else ()
+        if load is Dot:
+            return FACES[1:] if self.loadable is not None else ()
+        if self.loadable is not None or self.reduced.electrode < 1:
+            return ()
+        return FACES[1:] if load is Coat else (f"layer:{self.name}",)
 
     def with_load(self, where: str, load: Load) -> Self:
-        """Return the disk with a dot on this face, beside what is on the other, or with both faces coated.
+        """Return the disk with a dot on this face, beside what is on the other, or with a load of both faces.
 
         Raises DiskError; see `HasFaces`.
         """
-        if where not in FACES or not self.faces_for(type(load)):
-            raise DiskError(f"disk {self.name!r}: no {type(load).__name__.lower()} can lie on {where!r} of this model")
+        if where not in (*FACES, f"layer:{self.name}") or not self.faces_for(type(load)):
+            said = " ".join(re.findall("[A-Z][a-z]*", type(load).__name__)).lower()
+            raise DiskError(f"disk {self.name!r}: no {said} can lie on {where!r} of this model")
+        if isinstance(load, DeadLayer):
+            return replace(self, faces=self.faces.with_load(load))
         damped = replace(load, damping=self.damping)
         if isinstance(damped, Coat):
-            return replace(self, coat=damped)
+            return replace(self, faces=self.faces.with_load(damped))
         others = tuple(one for one in self.dots if one.where != where)
         return replace(self, dots=(*others, PlacedDot(where, damped)))
 
@@ -125,6 +136,16 @@ class Disk2D:
         """Return the ten constants at each frequency in Hz, SI units, shape (N, 10)."""
         own = [continued(self.law_of(c), getattr(self.constants, c), frequency)[0] for c in CONSTANTS]
         return np.array(own).T * self._softer
+
+    def formula_errors(self, frequency: Frequencies) -> dict[str, Reals]:
+        """Return the relative standard errors of stiffness that stand for what layers on the faces neglect.
+
+        None without layers; see `Approximate`.
+        """
+        if not self.faces:
+            return {}
+        error = self.faces.neglected(self.shape, self.over(frequency), frequency)
+        return {f"{self.name}.{constant}": error for constant in ("c11E", "c33E")}
 
     @property
     def _softer(self) -> Complexes:
@@ -167,7 +188,7 @@ class Disk2D:
             raise TypeError(f"{type(other).__name__} is no disk in two dimensions")
         own = self._solved(frequency)
         if isinstance(own.rising, SolvedDisk) and not other.dots:
-            return -own.rising.with_coat(other.coat)[own.back] / own.capacitance
+            return -own.rising.with_faces(other.faces)[own.back] / own.capacitance
         change = own.rising.moved(other.dots) if isinstance(own.rising, DottedDisk) else None
         if change is not None:
             return -change[own.back] / own.capacitance
@@ -196,7 +217,7 @@ class Disk2D:
 
     def _over_rising(self, frequency: Frequencies) -> "SolvedDisk | DottedDisk":
         if not self.dots or self.loadable is None:
-            return solved(self.reduced, self.shape, self.over(frequency), frequency, self.rough, self.coat)
+            return solved(self.reduced, self.shape, self.over(frequency), frequency, self.rough, self.faces, self.odd)
         for known in self._known:
             own, alike = known.rising, replace(known.disk, dots=self.dots) == self
             if alike and isinstance(own, DottedDisk) and np.array_equal(own.bare.frequency, frequency):

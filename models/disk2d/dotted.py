@@ -21,7 +21,8 @@ from .dot import DotBody, phase
 from .footprint import functions_for
 from .full import Shape
 from .line_elements import Numbers
-from .loadable import FaceShapes, LoadableDisk
+from .loadable import LoadableDisk
+from .reduced import ReducedDisk
 
 _STEP = 1e-5
 # Relative step of derivatives by the radius of a dot, which are differences of it alone; their error is its square.
@@ -59,8 +60,8 @@ class FreeDisk:
     @cached_property
     def modes(self) -> tuple[BandModes, BandModes]:
         """Modes of symmetric and antisymmetric motion. Raises DiskError for constants that are not finite."""
-        middle = middle_of(self.weights, self.frequency)
-        even, odd = (modes_of(one.reduced, self.shape, middle, self.rough) for one in self.disk.parts)
+        middle = self.weights[middle_of(self.weights, self.frequency)]
+        even, odd = (modes_of(one, self.shape, middle, self.rough) for one in self.disk.parts)
         return even, odd
 
     def with_dots(self, dots: tuple[PlacedDot, ...]) -> "DottedDisk":
@@ -156,12 +157,12 @@ class Answers:
         return np.asarray((even + odd) / 2, np.complex128)
 
 
-def _answered(free: FreeDisk, one: FaceShapes, modes: BandModes, loads: Reals) -> list[_InBand]:
+def _answered(free: FreeDisk, one: ReducedDisk, modes: BandModes, loads: Reals) -> list[_InBand]:
     made: list[_InBand] = []
     for at in bands_of(free.frequency):
         f, weights = free.frequency[at], free.weights[at]
         shapes = band_shapes(modes, float(f[0]), float(f[-1]), weights[f.size // 2], loads)
-        band = Band.of(one.reduced, shapes, free.shape, f, weights)
+        band = Band.of(one, shapes, free.shape, f, weights)
         own = shapes.T @ loads
         made.append(_InBand(at, band, shapes, own, *band.solve_with(own)))
     return made

@@ -1,7 +1,7 @@
 """The disk solved on its whole mesh, one frequency at a time: the origin and reference of reduced models."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from math import ceil
 from operator import add
@@ -34,6 +34,10 @@ class Shape:
     """m."""
     density: float
     """kg/m3."""
+
+    def scaled(self, size: str, factor: float) -> "Shape":
+        """Return the disk with one of its sizes multiplied by `factor`."""
+        return replace(self, **{size: getattr(self, size) * factor})
 
     def weights(self, constants: Numbers) -> Numbers:
         """Return the weight of each of TERMS, shape (..., 13), for constants in SI units, shape (..., 10)."""

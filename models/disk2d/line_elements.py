@@ -77,6 +77,24 @@ class LineElements:
         columns = (element[:, None] * order + np.arange(order + 1)).ravel()
         return sp.csr_array(sp.coo_array((entries.ravel(), (rows, columns)), shape=(at.size, self.size)))
 
+    def at_points(self) -> tuple[Reals, Reals, tuple[Reals, Reals, Reals]]:
+        """Return Gauss points within the elements, their weights, and the nodal functions with two derivatives there.
+
+        Shapes (P,), (P,), and (P, size) each. The second derivative knows nothing of kinks between elements.
+        """
+        own, points, weights, values, slopes = _element(self.order)
+        bent = np.array([Legendre.basis(k).deriv(2)(points) for k in range(self.order + 1)])
+        vandermonde = np.polynomial.legendre.legvander(own, self.order)
+        curved = np.linalg.solve(vandermonde.T, bent).T
+        halves = np.diff(self.breaks) / 2
+        made = tuple(np.zeros((halves.size * points.size, self.size)) for _ in range(3))
+        for k, half in enumerate(halves.tolist()):
+            at = slice(k * points.size, (k + 1) * points.size), slice(k * self.order, (k + 1) * self.order + 1)
+            for power, (whole, part) in enumerate(zip(made, (values, slopes, curved), strict=True)):
+                whole[at] = part / half**power
+        x = (self.breaks[:-1, None] + halves[:, None] * (points + 1)).ravel()
+        return x, (halves[:, None] * weights).ravel(), (made[0], made[1], made[2])
+
     def integral(self, first: int, second: int, weight: Callable[[Reals], Reals] = np.ones_like) -> Matrix:
         """Return the integrals of weight N_i N_k, shape (size, size); `first`, `second`: 1 for the derivative, or 0.
 

@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from ..base.arrays import Reals
 from .basis import krylov, split
-from .footprint import footprint, functions_for, loads, traces
+from .footprint import footprint, functions_for, loads
 from .full import FullDisk, Shape
-from .line_elements import LineElements
 from .matrices import Face
 from .reduced import ReducedDisk
 from .training import HIGHEST, SAMPLES, SHIFTED, jittered, sampled, shifts_of
@@ -27,37 +26,16 @@ _SLOWEST = 1300.0
 
 
 @dataclass(frozen=True, eq=False)
-class FaceShapes:
-    """A reduced disk of one symmetry with the traces of its shapes on the upper face."""
-
-    reduced: ReducedDisk
-    """Without its shapes over the mesh; of antisymmetric motion nothing is driven by the voltage."""
-    axial: Reals
-    """u_z of each shape at the nodes of the face, shape (nodes, nu)."""
-    radial: Reals
-    """u_r, shape (nodes, nu)."""
-
-    @classmethod
-    def of(cls, full: FullDisk, u: Reals, p: Reals) -> Self:
-        """Project the disk on displacements `u`, orthonormal by mass, and potentials `p`."""
-        face = full.face
-        reduced = ReducedDisk.of(full, u, p)
-        axial, radial = traces(face, u)
-        return cls(replace(reduced, u=reduced.u[:0], p=reduced.p[:0], face=reduced.face[:0]), axial, radial)
-
-
-@dataclass(frozen=True, eq=False)
 class LoadableDisk:
     """Both symmetries of a disk about its mid-plane: any load of a face is half of one and half of the other."""
 
-    even: FaceShapes
-    """u_r even in z: the motion that a voltage excites."""
-    odd: FaceShapes
-    line: LineElements
-    """Elements along the face."""
+    even: ReducedDisk
+    """u_r even in z: the motion that a voltage excites. Without its shapes over the mesh."""
+    odd: ReducedDisk
+    """The same of the other motion, which no voltage drives."""
 
     @property
-    def parts(self) -> tuple[FaceShapes, FaceShapes]:
+    def parts(self) -> tuple[ReducedDisk, ReducedDisk]:
         """Symmetric and antisymmetric motion."""
         return self.even, self.odd
 
@@ -66,28 +44,26 @@ class LoadableDisk:
 
         `part`: radius of the footprint over that of the disk. `count`: number of functions of each stress.
         """
-        nodes = np.arange(self.line.size)
-        pressure, shear = footprint(Face(self.line, nodes, nodes), part, count)
+        line = self.even.line
+        nodes = np.arange(line.size)
+        pressure, shear = footprint(Face(line, nodes, nodes), part, count)
         even, odd = (np.hstack([one.axial.T @ pressure, one.radial.T @ shear]) for one in self.parts)
         return even, odd
 
     def arrays(self) -> dict[str, Reals]:
         """Return all arrays by name, for storage."""
-        made = {"line.breaks": self.line.breaks, "line.order": np.array(float(self.line.order))}
-        for name, one in zip(("even", "odd"), self.parts, strict=True):
-            made |= {f"{name}.axial": one.axial, f"{name}.radial": one.radial}
-            made |= {f"{name}.{key}": array for key, array in one.reduced.arrays().items()}
-        return made
+        parts = zip(("even", "odd"), self.parts, strict=True)
+        return {f"{name}.{key}": array for name, one in parts for key, array in one.arrays().items()}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Reals]) -> Self:
         """Return the disk of stored `arrays`."""
 
-        def part(name: str) -> FaceShapes:
+        def part(name: str) -> ReducedDisk:
             own = {key.removeprefix(f"{name}."): array for key, array in arrays.items() if key.startswith(f"{name}.")}
-            return FaceShapes(ReducedDisk.from_arrays(own), own["axial"], own["radial"])
+            return ReducedDisk.from_arrays(own)
 
-        return cls(part("even"), part("odd"), LineElements(arrays["line.breaks"], int(arrays["line.order"])))
+        return cls(part("even"), part("odd"))
 
 
 def trained_for_loads(
@@ -98,7 +74,7 @@ def trained_for_loads(
     The compliance of a footprint is accurate to 1e-4 for the range of constants. `progress` is called with the number
     of finished and of all samples. Raises DiskError for a D/t beyond 2 to 60.
     """
-    shifts, made = shifts_of(diameter_to_thickness), list[FaceShapes]()
+    shifts, made = shifts_of(diameter_to_thickness), list[ReducedDisk]()
     meshes = [FullDisk.of(diameter_to_thickness, electrode=electrode, antisymmetric=odd) for odd in (False, True)]
     for n, full in enumerate(meshes):
         rng, snapshots = np.random.default_rng(0), list[Reals]()
@@ -109,8 +85,8 @@ def trained_for_loads(
                     snapshots.append(krylov(full, shape, constants, shift, SHIFTED))
                 snapshots += _of_loads(full, shape, constants, shift, rng)
             progress(n * SAMPLES + k + 1, 2 * SAMPLES)
-        made.append(FaceShapes.of(full, *split(full, snapshots, _KEPT)))
-    return LoadableDisk(made[0], made[1], meshes[0].face.line)
+        made.append(ReducedDisk.of(full, *split(full, snapshots, _KEPT)).without_mesh)
+    return LoadableDisk(made[0], made[1])
 
 
 def _of_loads(full: FullDisk, shape: Shape, constants: Reals, shift: float, rng: np.random.Generator) -> list[Reals]:

@@ -84,6 +84,13 @@ class Matrices:
     """Number of unknowns that are displacements."""
     face: Face | None = None
     """None for a section whose faces nothing loads."""
+    charges: tuple[Matrix, ...] = ()
+    """Of TERMS but the elastic ones: what each unknown and the volt put on potentials that are not zero on the face.
+
+    Shape (nodes, n + 1) each: of unit potentials of the face's nodes that fall to the mid-plane, linearly, or in
+    antisymmetric motion as a parabola. The charge on the electrode is found so (a weak form), and not from the slope
+    of the potential, which converges badly.
+    """
 
     @property
     def size(self) -> int:
@@ -119,20 +126,25 @@ def assemble(
         volt[2 * nr * nz :, 0] = np.tile(along_z.nodes / 2, nr)  # the field of one volt between parallel electrodes
     keep = sp.csr_array(sp.hstack([*columns, sp.csr_array(volt)]))
 
-    *terms, mass = (gathered(parts, keep, nr * nz) for parts in blocks_of(along_r, along_z))
+    blocks = blocks_of(along_r, along_z)
+    *terms, mass = (gathered(parts, keep, keep, nr * nz) for parts in blocks)
+    fall = along_z.nodes[:, None] ** (2 if antisymmetric else 1)
+    raised = sp.csr_array(sp.vstack([sp.csr_array((2 * nr * nz, nr)), kron(sp.eye_array(nr), fall)]))
+    electric = [parts for term, parts in zip(TERMS, blocks, strict=False) if not term.constant.startswith("c")]
+    charges = tuple(gathered(parts, raised, keep, nr * nz) for parts in electric)
     moving = np.concatenate([kept[0].ravel(), kept[1].ravel() + nr * nz])
     number = np.full(2 * nr * nz, -1)
     number[moving] = np.arange(moving.size)
     face = Face(along_r, number[places[:, -1]], number[places[:, -1] + nr * nz], electrode)
-    return Matrices(tuple(terms), mass, moving.size, face)
+    return Matrices(tuple(terms), mass, moving.size, face, charges)
 
 
-def gathered(parts: Mapping[tuple[int, int], Matrix], keep: Matrix, count: int) -> Matrix:
-    """Return the matrix of the unknowns that `keep` selects, from blocks of three fields of `count` nodes."""
+def gathered(parts: Mapping[tuple[int, int], Matrix], left: Matrix, right: Matrix, count: int) -> Matrix:
+    """Return the matrix between the unknowns that `left` and `right` select, from blocks of three fields of `count`."""
     grid = [[parts.get((i, k), sp.csr_array((count, count))) for k in range(3)] for i in range(3)]
     whole = sp.csr_array(sp.block_array(grid))
     coupling = all(i != k for i, k in parts)
-    return sp.csr_array(keep.T @ (whole + sp.tril(whole.T, -1) if coupling else whole) @ keep)
+    return sp.csr_array(left.T @ (whole + sp.tril(whole.T, -1) if coupling else whole) @ right)
 
 
 def unit_columns(rows: Numbers, size: int) -> Matrix:

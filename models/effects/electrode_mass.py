@@ -18,14 +18,18 @@ _Q, _SPEED = 50.0, 2000.0
 _SLOWEST, _FIRED, _FASTEST = 1000.0, 3000.0, 5000.0
 """Velocity of longitudinal waves in a layer on a disk of finite diameter, which stretches it: wax, fired silver paste
 with its pores, and beyond nickel's density for its stiffness; m/s."""
+_OTHER = 0.7
+"""Mass of the lighter electrode over the heavier one's with which fits begin: from 1 no derivative leads away."""
+_DENSITY = 8500.0
+"""Of fired silver, 10490 without its pores, kg/m3: the thickness of a layer on a disk is its mass over that."""
 
 
 class ElectrodeMass(Effect):
     """A thin layer on a face or between two layers; within one band it resembles a softer or thicker disk, to 0.2 %.
 
     Electrodes are printed on both faces of a ceramic. The layer of a face is no rigid mass m where it is thick or soft:
-    it acts as z tan(w m/z)/w. On a disk of finite diameter both electrodes are alike, and their stiffness counts as
-    much as their mass.
+    it acts as z tan(w m/z)/w. On a disk of finite diameter the stiffness of the electrodes counts as much as their
+    mass, and bending appears where they are not alike.
     """
 
     name = "electrode-mass"
@@ -59,12 +63,16 @@ class ElectrodeMass(Effect):
         return (mass, z, other) if is_face_of_one_ceramic(stack, where) else (mass, z)
 
     def parameters_in(self, model: Model, nominal: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the same; for a model with faces the mass of each electrode, and the speed of waves in it, m/s."""
+        """Return the same; for a model with faces the mass of the heavier electrode and the speed of waves in it, m/s.
+
+        And the mass of the other one, relative to this.
+        """
         plate = self.effect_parameters(nominal, where)
         if not isinstance(model, HasFaces):
             return plate
         speed = EffectParameter("speed", "m/s", typical=500.0, lower=_SLOWEST, upper=_FASTEST, null=_FIRED)
-        return (plate[0], speed)
+        back = EffectParameter("other", "1", typical=0.3, upper=1.0, null=_OTHER, fraction=True)
+        return (plate[0], speed, back)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the layer in its place, and with that on the other face."""
@@ -72,7 +80,8 @@ class ElectrodeMass(Effect):
         if mass <= 0:
             return assembly
         if not assembly.parts:
-            return assembly.on_face(where, Coat(mass, values.get("speed", _FIRED), _Q))
+            speed, back = values.get("speed", _FIRED), values.get("other", _OTHER)
+            return assembly.on_face(where, Coat(mass, speed, _Q, density=_DENSITY, back=back))
         paste = Elastic(f"{self.name}@{where}", thickness=mass * _SPEED / z, z=z, c=_SPEED, q=_Q)
         there = paste.thickness * other
 

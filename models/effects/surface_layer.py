@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from ..base.face_loads import DeadLayer, HasFaces
+from ..base.model import Model
 from ..stack import Piezo, Stack
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, layer_at
@@ -11,6 +13,8 @@ _SHARED = ("density", "c33D.re", "c33D.im", "eps33S.re", "eps33S.im")
 """Constants of the dead layer that follow from the live one's."""
 _DEAD = (4e-6, 1.5)
 """Prior depth: median in m, standard deviation of the logarithm; ground and lapped ceramics are dead to some um."""
+_DEEPER, _LESS = (_DEAD[0] * 2.33, 0.826 * _DEAD[1]), (_DEAD[0] / 2.33, 0.826 * _DEAD[1])
+"""The same of the deeper and the less deep of two such layers: order statistics of two normal logarithms."""
 _MOST = 0.8
 """Largest part of the thickness that may be dead."""
 
@@ -24,6 +28,7 @@ class SurfaceLayer(Effect):
 
     name = "surface-layer"
     sizes = 2
+    lies_on_faces = DeadLayer
     says = "The ceramic of {where} is dead or depoled under a face (by grinding, soldering or heat)."
     separates = (
         "compare the coupling of first and third overtone, look for a resonance at twice the frequency, lap a face"
@@ -51,8 +56,25 @@ class SurfaceLayer(Effect):
             EffectParameter("permittivity", "1", typical=0.1, lower=0.6, upper=1.7, null=1.0),
         )
 
+    def parameters_in(self, model: Model, nominal: Stack, where: str) -> tuple[EffectParameter, ...]:
+        """Return the same; of a disk of finite diameter the deeper layer is that of the front.
+
+        Stiffness and permittivity are then relative to those of the same ceramic with its grains in all directions.
+        """
+        plate = self.effect_parameters(nominal, where)
+        if not isinstance(model, HasFaces):
+            return plate
+        back, front, stiffness, permittivity = plate
+        return (replace(front, prior=_DEEPER), replace(back, prior=_LESS), stiffness, permittivity)
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the layer divided into dead and live ones."""
+        if not assembly.parts:
+            depths = values["front"], values["back"]
+            if sum(depths) <= 0:
+                return assembly
+            ratios = values.get("stiffness", 1.0), values.get("permittivity", 1.0)
+            return assembly.on_face(where, DeadLayer(*depths, *ratios))
         name, depths = layer_at(where), {side: values[side] for side in ("back", "front")}
         if sum(depths.values()) <= 0:
             return assembly

@@ -113,7 +113,7 @@ def assemble_section(
     keep = sp.csr_array(sp.hstack([*columns, sp.csr_array(volt)]))
 
     def built(parts: Mapping[tuple[int, int], Matrix]) -> Matrix:
-        return gathered(parts, keep, nr * nz) / 2
+        return gathered(parts, keep, keep, nr * nz) / 2
 
     *terms, mass = (built(parts) for parts in blocks_of(along_r, along_z, _between(-1, 1)))
     masses: list[Matrix] = [mass]

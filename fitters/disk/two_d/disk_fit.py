@@ -28,7 +28,7 @@ from .lateral_search import Effort
 from .lateral_search import searched as lateral
 from .misfit_as_noise import at_level, judged, left_of
 from .outside import Outside
-from .reduced_disk_cache import loadable_disk, reduced_disk
+from .reduced_disk_cache import loadable_disk, odd_disk, reduced_disk
 from .reference import at_resonance, reference_of, tensor_of
 from .tensor_coordinates import COORDINATES, tensor_block
 from .tensor_start import drawn_starts, matched, starts, tensor_priors
@@ -108,7 +108,8 @@ def _posed(task: FitTask, progress: Callable[[str], None]) -> tuple[BareDisk, Fu
     disk = bare_disk(task, NAME, round_one=True, frees=True)
     electrode, disk = _electrode(disk), _within_reach(disk)
     full, reduced = reduced_disk(_ratio(disk), progress, electrode)
-    return disk, full, _model(disk, reduced), electrode
+    odd = cache(partial(odd_disk, _ratio(disk), progress))
+    return disk, full, replace(_model(disk, reduced), odd=odd), electrode
 
 
 def _ratio(disk: BareDisk) -> float:

@@ -13,12 +13,13 @@ import platformdirs
 from ....models.base.arrays import Reals
 from ....models.disk2d.full import FullDisk
 from ....models.disk2d.loadable import LoadableDisk, trained_for_loads
+from ....models.disk2d.odd_training import trained_odd
 from ....models.disk2d.reduced import ReducedDisk
 from ....models.disk2d.training import trained
 from ...data_folder import chosen_folder
 
 _Disk = TypeVar("_Disk")
-_VERSION = 5
+_VERSION = 6
 _GRID = 0.01
 # D/t is rounded to 1 %; the basis is trained for ratios within +-2 %, and used with the disk's own sizes.
 _EDGES = 10_000
@@ -62,6 +63,18 @@ def loadable_disk(
     loadable = trained_for_loads(ratio, said, electrode)
     _write(file, loadable.arrays())
     return loadable
+
+
+def odd_disk(diameter_to_thickness: float, progress: Callable[[str], None]) -> ReducedDisk:
+    """Return the reduced disk of antisymmetric motion, from the cache if possible; as `reduced_disk`."""
+    step, edge, ratio, _ = _rounded(diameter_to_thickness, 1.0)
+    file = cache_folder() / f"disk2d-odd-{_VERSION}-{step}-{edge}.npz"
+    known = _read(file, ReducedDisk.from_arrays)
+    if known is not None:
+        return known
+    odd = trained_odd(ratio, _told(progress, f"reduced model with unlike faces for D/t {ratio:.3g}"))
+    _write(file, odd.arrays())
+    return odd
 
 
 def _rounded(diameter_to_thickness: float, electrode: float) -> tuple[int, int, float, float]:

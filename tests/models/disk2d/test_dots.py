@@ -14,8 +14,9 @@ from pzctl.models.disk2d.dotted import FreeDisk, PlacedDot
 from pzctl.models.disk2d.footprint import loads
 from pzctl.models.disk2d.full import FullDisk, Shape
 from pzctl.models.disk2d.line_elements import LineElements
-from pzctl.models.disk2d.loadable import FaceShapes, LoadableDisk, trained_for_loads
+from pzctl.models.disk2d.loadable import LoadableDisk, trained_for_loads
 from pzctl.models.disk2d.matrices import CONSTANTS, assemble
+from pzctl.models.disk2d.reduced import ReducedDisk
 from pzctl.models.disk2d.training import trained
 from pzctl.models.effects import Device, find_effect
 from pzctl.models.stack import VACUUM, CausalConstantQ, Mass, Piezo, Stack
@@ -49,9 +50,9 @@ def with_solder(disk, where="face:front", **values):
 def test_a_rigid_mass_all_over_a_face_that_cannot_move_in_its_plane_is_that_of_one_dimension():
     line, through = LineElements(np.linspace(0, 1, 3), 4), LineElements(np.array([0.0, 1.0]), 12)
     meshes = [FullDisk(assemble(line, through, move_in_plane=False, antisymmetric=odd)) for odd in (False, True)]
-    parts = [FaceShapes.of(full, *split(full, [np.eye(full.size)], (0.0, 0.0))) for full in meshes]
+    parts = [ReducedDisk.of(full, *split(full, [np.eye(full.size)], (0.0, 0.0))) for full in meshes]
     mass, f = 2.5, np.linspace(0.3e6, 2.5e6, 41)
-    free = FreeDisk(LoadableDisk(*parts, line), Shape(2e-3, T, DENSITY), np.tile(C, (f.size, 1)), f, False)
+    free = FreeDisk(LoadableDisk(*parts), Shape(2e-3, T, DENSITY), np.tile(C, (f.size, 1)), f, False)
     heavy = Dot(1.0, mass, 1e12, 2800.0)
     ceramic = Piezo("p", T, DENSITY, PLATE.c33D, PLATE.h33, PLATE.eps33S)
     for where in ("face:front", "face:back"):
