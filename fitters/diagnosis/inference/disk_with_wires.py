@@ -39,9 +39,10 @@ _TOGETHER = (
     ("electrode-mass", FACES[1], ("mass",)),
 )
 """Effects with their parameters that are fitted together with a disk that does not fit alone: wires and electrodes."""
-_INSIDE = ("loss-dispersion", "electrode-mass")
+_INSIDE = ("loss-dispersion", "electrode-mass", "surface-layer")
 """Effects on the disk and in it that are tried together with those at the terminals, because each absorbs part of the
-other: a loss that changes over the band looks like a resistance or a cable. Every disk has electrodes."""
+other: a loss that changes over the band looks like a resistance or a cable. Every disk has electrodes and ground faces.
+"""
 _ROUNDS = 4
 """Budget: descents in two dimensions, of at most twelve steps each."""
 _BESIDE = 3
@@ -102,8 +103,10 @@ def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], No
     joint = _attempt(task, NEAR, jobs, partial(_together, stack_of(disk.build, disk.build.step(disk.step))))
     if joint is None:
         return near
-    base = _without(joint, [name for name, _, _ in _TOGETHER])
-    return _better(with_terminals(alone or with_effects(base, Outside()), base, progress, jobs), near)
+    base, found = _without(joint, [name for name, _, _ in _TOGETHER]), joint.descent.objective.coordinates
+    values, _ = found.forward(joint.descent.x)
+    sizes = {name: value for name, value in values.items() if "@" in name}
+    return _better(with_terminals(alone or with_effects(base, Outside()), base, progress, jobs, sizes), near)
 
 
 def wide_disk_with_wires(
@@ -172,18 +175,25 @@ def left_by(found: FittedDisk) -> float:
     return max(float(np.sqrt(np.mean(np.abs(ratio) ** 2))) for ratio in ratios)
 
 
-def with_terminals(alone: FittedDisk, base: FittedDisk, progress: Callable[[str], None], jobs: int) -> DiskBeside:
+def with_terminals(
+    alone: FittedDisk,
+    base: FittedDisk,
+    progress: Callable[[str], None],
+    jobs: int,
+    sizes: Mapping[str, float] | None = None,
+) -> DiskBeside:
     """Return the disk with effects at its terminals and in its laws of losses, from which a search can begin.
 
     The effect of largest gain comes first. A search that starts from the disk alone does not find them: its constants
-    have gone far to imitate them. Trials start from the constants of `base`.
+    have gone far to imitate them. Trials start from the constants of `base`, and from these `sizes` if they have them.
     """
     few, taken, values = thinner(base), tuple[Candidate, ...](), dict[str, float]()
     before, starts = chi2_alone(thinner(alone)), _STARTS if base is alone else _NEAR_STARTS
     while len(taken) < _BESIDE and before > _of_noise(few.descent.objective.points):
         left = [one for one in _choices(few) if (one.effect, one.where) not in [(o.effect, o.where) for o in taken]]
         progress(f"trying {len(left)} effects beside the finite diameter")
-        found = _best_beside(few, taken, [(one, z) for one in left for z in _sides(one, starts)], before, jobs)
+        trials = [(one, z) for one in left for z in _sides(one, starts)]
+        found = _best_beside(few, taken, trials, before, jobs, sizes or {})
         if found is None:
             break
         one, values = found
@@ -206,7 +216,7 @@ def _instead(few: FittedDisk, taken: tuple[Candidate, ...], jobs: int) -> tuple[
         return few, taken
     without = _without(few, [one.effect.name for one in taken])
     others = [one for one in _choices(few) if (one.effect, one.where) not in [(o.effect, o.where) for o in taken]]
-    found = _best_beside(without, (), [(one, z) for one in others for z in _sides(one, _STARTS)], before, jobs)
+    found = _best_beside(without, (), [(one, z) for one in others for z in _sides(one, _STARTS)], before, jobs, {})
     return (few, taken) if found is None else (_fitted(without, found[:1], found[1]), found[:1])
 
 
@@ -229,14 +239,19 @@ def _choices(found: FittedDisk) -> list[Candidate]:
 
 
 def _best_beside(
-    few: FittedDisk, taken: Sequence[Candidate], starts: Sequence[tuple[Candidate, float]], before: float, jobs: int
+    few: FittedDisk,
+    taken: Sequence[Candidate],
+    starts: Sequence[tuple[Candidate, float]],
+    before: float,
+    jobs: int,
+    sizes: Mapping[str, float],
 ) -> tuple[Candidate, dict[str, float]] | None:
     """Return the most probable of further effects, with the parameters of all; None if none explains enough.
 
-    `starts`: effects with the deviations at which their sizes start; `before`: chi2 without any of them.
+    `starts`: effects with the deviations at which their sizes start, if not at `sizes`; `before`: chi2 without any.
     """
     points = few.descent.objective.points
-    chosen = _promising(few, taken, [_Start.of(few, taken, one, z) for one, z in starts])
+    chosen = _promising(few, taken, [_Start.of(few, taken, one, z, sizes) for one, z in starts])
     ends = on_cores([partial(_beside, few, taken, start) for start in chosen], jobs)
     trials = [
         (_log_odds(points * np.log(before / end[0]), points, start.new), end, start.new)
@@ -292,8 +307,10 @@ class _Start:
     """Parameters of all effects."""
 
     @classmethod
-    def of(cls, best: FittedDisk, known: Sequence[Candidate], new: Candidate, z: float) -> "_Start":
-        """Return the start with sizes `z` standard deviations of ln size above their medians."""
+    def of(
+        cls, best: FittedDisk, known: Sequence[Candidate], new: Candidate, z: float, found: Mapping[str, float]
+    ) -> "_Start":
+        """Return the start with what is found, else with sizes `z` standard deviations of ln size off the medians."""
         values, _ = best.descent.objective.coordinates.forward(best.descent.x)
         start = {name: values[name] for other in known for name in other.parameters}
         sizes = dict(new.sizes)
@@ -301,7 +318,7 @@ class _Start:
             name: _start_at(knob, z) if knob.from_nothing or name in sizes else knob.null
             for name, knob in zip(new.parameters, new.effect_parameters, strict=True)
         }
-        return cls(new, start)
+        return cls(new, start | {name: found[name] for name in new.parameters if name in found})
 
 
 def _sides(one: Candidate, starts: Sequence[float]) -> Sequence[float]:
