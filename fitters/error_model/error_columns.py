@@ -194,7 +194,8 @@ def place_of(
     names = _of_layers(bare) if isinstance(bare, Stack) else _of_parameters(bare)
     Z, slopes = model.jacobian(f, [parameter for _, parameter, _, _ in names])
     felt = {name: slope * value for (name, _, value, _), slope in zip(names, slopes, strict=True)}
-    errors: Mapping[str, Reals] = bare.formula_errors(f) if isinstance(bare, Approximate) else {}
+    whole = model.assembly.whole if isinstance(model, Device) else model  # with all that lies on its faces
+    errors: Mapping[str, Reals] = whole.formula_errors(f) if isinstance(whole, Approximate) else {}
     formula = {name: felt[name] * error for name, error in errors.items() if name in felt}
     losses = {name: loss for name, _, _, loss in names}
     return LinearisedRecording(recording, Z, felt, losses, shapes, rough, formula, in_series)

@@ -156,7 +156,7 @@ class Band:
     """Shape (4, m, np)."""
     drive: Numbers
     """Shape (4, m)."""
-    own_mass: Numbers
+    mass: Numbers
     """Shape (m, m)."""
     faces: FaceWeights | None
     """What is on the faces."""
@@ -192,7 +192,7 @@ class Band:
 
         u H u + 2 u b, and what the potential beyond the electrodes adds where there is no displacement.
         """
-        y, form, _ = self.solve_with(np.zeros((self.own_mass.shape[0], 0)))
+        y, form, _ = self.solve_with(np.zeros((self.mass.shape[0], 0)))
         return y, form
 
     def solve_with(self, loads: Numbers) -> tuple[Complexes, Complexes, Complexes]:
@@ -221,7 +221,7 @@ class Band:
     @cached_property
     def _system(self) -> tuple[Complexes, Numbers]:
         """Stiffness at each node, shape (3, m, m), and mass, with all that is on the faces."""
-        matrices, mass = np.array([self._condensed(w) for w in self._node_weights]), self.own_mass
+        matrices, mass = np.array([self._condensed(w) for w in self._node_weights]), self.mass
         if self.faces is not None:
             matrices = matrices + np.tensordot(self._of_nodes @ self.faces.stiffness, self.on_face, 1)
             mass = mass + np.tensordot(self.faces.inertia, self.on_face, 1)
@@ -314,7 +314,7 @@ class Band:
 
     def pulled(self, across: Complexes) -> Complexes:
         """Return the force of potentials along the electrode, over its functions, (N, K): shape (N, m)."""
-        made = np.zeros((across.shape[0], self.own_mass.shape[0]), np.complex128)
+        made = np.zeros((across.shape[0], self.mass.shape[0]), np.complex128)
         for at, one in zip(self._at.T, self.charges, strict=True):
             made += at[:, None] * (across @ one)
         return made
@@ -344,7 +344,7 @@ class Band:
                 made[:, k] += 2 * np.einsum("nk,nk->n", across, y @ own.T)
             made[:, EPS11] += 2 * np.einsum("np,np->n", spread[0], potential)
             made[:, EPS33] += 2 * (np.einsum("np,np->n", spread[1], potential) + across @ self.disk.volt_charge)
-        return made, np.einsum("ni,ni->n", y, y @ self.own_mass)
+        return made, np.einsum("ni,ni->n", y, y @ self.mass)
 
 
 def _lagrange(x: Reals) -> Reals:

@@ -6,7 +6,7 @@ with q the strain across it for one along it. H grows by the integral over the f
     (K11 (S_rr^2 + S_tt^2) + 2 K12 S_rr S_tt - w^2 m (U_r^2 + U_z^2))/2,    S_rr = U_r',  S_tt = U_r/r,
 with the mass per area m and the stiffnesses K in N/m, without stress on its outer face. The face's own strains are not
 those of the middle: without h/2, dead ceramic of 6 um on each face of 1.7 mm is wrong by 7 % of what it changes, with
-it by 0.4 % (finite elements).
+it by 0.2 % (finite elements).
 """
 
 from collections.abc import Sequence
