@@ -99,9 +99,9 @@ class DeadLayer:
     back: float = 0.0
     """Depth under the back, m."""
     stiffness: float = 1.0
-    """Over that of the same ceramic with its grains in all directions."""
+    """c11 over c33D of the live ceramic."""
     permittivity: float = 1.0
-    """Over that of the same."""
+    """Over eps33S of the live ceramic."""
 
 
 Load: TypeAlias = Dot | Coat | DeadLayer

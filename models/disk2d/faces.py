@@ -1,10 +1,10 @@
 """What lies on the faces of a disk and under them: a coat, and ceramic without polarisation.
 
-A dead layer is a thin layer of the ceramic's mass, whose constants are those of its grains in all directions, and a
-capacitance in series with the live ceramic at every point: of one volt, J = s q is across it, with the charge q that
-the electrode would have without it, and H grows by s q^2/2 over the face. The charge is known from the weak form
-(`Matrices.charges`), over functions that vary along the electrode with wavenumbers k. What J does to the charge itself,
-is that of the live ceramic without its motion, of thickness 2b: per area
+A dead layer is a thin layer of the ceramic's mass, isotropic with the Poisson's ratio of its grains in all directions,
+and a capacitance in series with the live ceramic at every point: of one volt, J = s q is across it, with the charge q
+that the electrode would have without it, and H grows by s q^2/2 over the face. The charge is known from the weak form
+(`Matrices.charges`), over functions that vary along the electrode with wavenumbers k. What J itself adds to the charge
+is that of the live ceramic at rest, of thickness 2b: per area
     even in z  N = eps33S/b X coth X,    odd  N' = eps33S/b X tanh X,    X = k b sqrt(eps11S/eps33S),
 so that s = d/(eps + N D/2 + N' (d - D/2)) for a depth d, D of both faces together.
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Reals
 from ..base.face_loads import Coat, DeadLayer
-from ..constants.unpoled import unpoled
+from ..constants.unpoled import unpoled_ratio
 from .coat import FORMS, FaceWeights, ThinLayer
 from .full import Shape
 from .matrices import CONSTANTS
@@ -91,9 +91,10 @@ class Faces:
             for layers, share in zip(made, (1.0, self.coat.back), strict=True):
                 layers.append(ThinLayer.of(self.coat, share, len(constants)))
         if self.dead is not None:
-            own = unpoled(constants)
-            c11, c12 = self.dead.stiffness * own.c11, self.dead.stiffness * own.c12
-            along, across = (c - c12**2 / c11 for c in (c11, c12))
+            c33E, e33, eps33S = (constants[:, CONSTANTS.index(name)] for name in ("c33E", "e33", "eps33S"))
+            c11 = self.dead.stiffness * (c33E + e33**2 / eps33S)
+            ratio = unpoled_ratio(constants)
+            along, across = c11 * (1 - ratio**2), c11 * ratio * (1 - ratio)
             for layers, depth in zip(made, (self.dead.front, self.dead.back), strict=True):
                 layers.append(ThinLayer(shape.density * depth, depth, depth * along, depth * across, _THINNING))
         return made
@@ -104,7 +105,7 @@ class Faces:
             return [np.zeros((len(constants), 0), np.complex128)] * 2
         even, odd = _stiffening(constants, self.live(shape), waves)
         mean = (self.dead.front + self.dead.back) / 2
-        eps = self.dead.permittivity * unpoled(constants).eps[:, None] + even * mean
+        eps = self.dead.permittivity * constants[:, [_EPS33S]] + even * mean
         return [
             depth / (shape.radius**2 * (eps + odd * (depth - mean) if depth != mean else eps))
             for depth in (self.dead.front, self.dead.back)

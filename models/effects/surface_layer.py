@@ -23,7 +23,8 @@ class SurfaceLayer(Effect):
     """h33 = 0 down to a depth: even overtones appear if one face is dead, the overtones' coupling falls if both are.
 
     It also represents graded piezoelectricity: h33 (1 - exp(-z/d)) equals a dead layer of sqrt(2) d, to 2e-5 of Z for
-    d = 10 um in 0.5 mm. Without polarisation a ceramic is softer and its permittivity along the thickness another.
+    d = 10 um in 0.5 mm. Without polarisation a ceramic is softer and its permittivity along the thickness another. On a
+    disk of finite diameter a dead side also excites bending, whose overtones lie between the others.
     """
 
     name = "surface-layer"
@@ -57,10 +58,7 @@ class SurfaceLayer(Effect):
         )
 
     def parameters_in(self, model: Model, nominal: Stack, where: str) -> tuple[EffectParameter, ...]:
-        """Return the same; of a disk of finite diameter the deeper layer is that of the front.
-
-        Stiffness and permittivity are then relative to those of the same ceramic with its grains in all directions.
-        """
+        """Return the same; of a disk of finite diameter the deeper layer is that of the front."""
         plate = self.effect_parameters(nominal, where)
         if not isinstance(model, HasFaces):
             return plate

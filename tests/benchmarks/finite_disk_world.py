@@ -174,7 +174,7 @@ class FeDisk:
         made = []
         for f in frequency:
             live = constants_at(self.case, f)
-            of = {"disk": live, "dead": _unpoled(live), "metal": _isotropic(metal)}
+            of = {"disk": live, "dead": unpoled_of(live), "metal": _isotropic(metal)}
             density = {"disk": self.case.density, "dead": self.case.density, "metal": metal["density"]}
             A = sum(
                 w * form
@@ -198,7 +198,7 @@ def _isotropic(of):
     return np.array([first + 2 * second, first, first, first + 2 * second, second, 0, 0, 0, 0, 0])
 
 
-def _unpoled(live):
+def unpoled_of(live):
     """Return the constants of the same ceramic with its grains in all directions, by Voigt's mean of cE and cD."""
     c11, c12, c13, c33, c44, e31, e33, e15, eps11, eps33 = live
     c11, c12, c13, c33, c44 = np.array([c11, c12, c13, c33, c44]) + 0.5 * np.array(

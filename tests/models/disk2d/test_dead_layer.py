@@ -6,7 +6,6 @@ from complex_ceramic import TENSOR
 from exact_derivatives import assert_exact
 
 from pzctl.models.base.face_loads import DeadLayer
-from pzctl.models.constants.unpoled import unpoled
 from pzctl.models.disk2d.basis import split
 from pzctl.models.disk2d.capacitance import solved
 from pzctl.models.disk2d.disk_model import Disk2D
@@ -30,21 +29,20 @@ def test_where_nothing_moves_in_the_plane_it_is_that_of_one_dimension(back):
     line, through, front = LineElements(np.linspace(0, 1, 3), 4), LineElements(np.array([0.0, 1.0]), 12), 1e-5
     meshes = [FullDisk(assemble(line, through, move_in_plane=False, antisymmetric=odd)) for odd in (False, True)]
     even, odd = (ReducedDisk.of(full, *split(full, [np.eye(full.size)], (0.0, 0.0))) for full in meshes)
-    f, dead = np.linspace(0.3e6, 2.5e6, 45), unpoled(C)
-    faces = Faces().with_load(DeadLayer(front, back))
+    f, faces = np.linspace(0.3e6, 2.5e6, 45), Faces().with_load(DeadLayer(front, back, 0.9, 1.2))
     found = solved(even, Shape(2e-3, T, DENSITY), np.tile(C, (f.size, 1)), f, faces=faces, odd=lambda: odd)
     plate = TENSOR.thickness
 
     def device(front, back):
         depths = {"under": back, "live": T - front - back, "over": front}
-        stiff, field, eps = (dict.fromkeys(depths, one) for one in (dead.c11, 0j, dead.eps))
+        stiff, field, eps = (dict.fromkeys(depths, one) for one in (0.9 * plate.c33D, 0j, 1.2 * plate.eps33S))
         stiff["live"], field["live"], eps["live"] = plate.c33D, plate.h33, plate.eps33S
         layers = [Piezo(name, t, DENSITY, stiff[name], field[name], eps[name]) for name, t in depths.items() if t > 0]
         return Stack(tuple(layers), VACUUM, VACUUM, np.pi * 4e-6, connection="series").impedance(f)
 
     expected = device(front, back)
     left = np.log(2j * np.pi * f * found.capacitance * expected)
-    assert np.abs(left).max() < 0.01 * np.abs(np.log(device(0, 0) / expected)).max()
+    assert np.abs(left).max() < 0.02 * np.abs(np.log(device(0, 0) / expected)).max()
 
 
 def test_derivatives_with_dead_layers_are_exact():
