@@ -25,8 +25,8 @@ from .questions import Questions
 from .result_waiter import AnswerWaiter, Measurement, MeasurementWaiter, diagnosis_of, fit_of, require
 
 ASK_AGAIN = 10.0
-"""Seconds after which a request for a fit or a diagnosis is sent again while its answer is waited for: one that could
-not be kept in the journal is not published, and the repeated request is refused with the reason."""
+"""Seconds after which a request is sent again while its result is waited for: one that could not be kept in the
+journal is not published, and the repeated request is refused with the reason."""
 
 
 class MissingEventsWarning(UserWarning):
@@ -133,7 +133,10 @@ class Conversations(Questions):
                 measurement = yield from self.begun(request)
                 waiter = MeasurementWaiter(measurement, progress)
                 while (measured := waiter.measurement) is None:
-                    waiter.take((yield from follower.receive(math.inf)))
+                    if (received := (yield from follower.receive(ASK_AGAIN))) is None:
+                        yield from self.begun(request)  # which is carried out only once
+                    else:
+                        waiter.take(received)
             except (KeyboardInterrupt, CancelledError) as stop:
                 with _noted_on(stop, plan or build.plan):
                     # Where the answer was not awaited, the same request is answered with the id of its measurement.

@@ -44,7 +44,7 @@ from .analyzers.compensation_check import CompensationCheck
 from .analyzers.plan_limits import PlanLimits
 from .analyzers.served_analyzers import ServedAnalyzer, ServedAnalyzers
 from .analyzers.simulated_analyzer import simulated_instrument
-from .publishing.durable_publisher import DurablePublisher
+from .publishing.durable_publisher import DurablePublisher, logged_if_not_kept
 from .publishing.event_publisher import EventPublisher
 from .publishing.spool import Spool
 from .requests.request_handlers import RequestHandlers
@@ -230,7 +230,7 @@ class Daemon:
             visitors=Visitors((*options.fitters, DIAGNOSIS)),
         )
         self._jobs = JobRunner(*around, options.limits, lambda event: self.publish(event, ()))
-        self._backup = BackupSchedule(options.backup, folder, lambda event: self.publish(event, ()))
+        self._backup = BackupSchedule(options.backup, folder, self._tell)
         handlers = RequestHandlers(
             journal=journal,
             analyzers=self._analyzers,
@@ -310,7 +310,7 @@ class Daemon:
             for task in done & tasks:
                 task.result()  # only the task of a broken fitter may end; any other has failed
                 tasks.discard(task)
-        self.publish(StateEvent(state="stopping"), ())
+        self._tell(StateEvent(state="stopping"))
         self._cancel_all()
         for task, one in zip(acquiring, self._analyzers.every, strict=True):
             queue = one.acquisition
@@ -331,8 +331,13 @@ class Daemon:
                 self._guard.cut(self._heard_at, "a key was revoked, so all clients have to connect again")
             await asyncio.sleep(BEAT)
 
+    def _tell(self, event: StateEvent) -> None:
+        """Publish what concerns no measurement; if the journal cannot keep it, only the log says so."""
+        with logged_if_not_kept(f"{event.state} {event.fitter or ''} {event.says}"):
+            self.publish(event, ())
+
     def _fitter_changed(self, fitter: FitterState, says: str) -> None:
-        self.publish(StateEvent(state=f"fitter-{fitter.state}", says=says, fitter=fitter.name), ())
+        self._tell(StateEvent(state=f"fitter-{fitter.state}", says=says, fitter=fitter.name))
 
     def _fitter_died(self, exit_: WorkerExit) -> None:
         """Answer a measurement in place of a fitter that crashed over it repeatedly, so that nobody waits in vain.
@@ -340,7 +345,13 @@ class Daemon:
         A fitter takes one measurement after the other, so it crashed over the first one that it has not answered.
         """
         measurement = self._pending.first(exit_.fitter)
-        known = self._journal.measurement(measurement) if measurement and not self._publisher.is_away else None
+        if measurement is None or self._publisher.is_away:
+            return
+        with logged_if_not_kept(f"the end of fitter {exit_.fitter!r} over measurement {measurement}"):
+            self._answer_for(exit_, measurement)
+
+    def _answer_for(self, exit_: WorkerExit, measurement: str) -> None:
+        known = self._journal.measurement(measurement)
         if known is None:
             return
         key = (exit_.fitter, known.id)

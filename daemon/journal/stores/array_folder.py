@@ -44,11 +44,15 @@ class ArrayFolder:
         path = self.path(event)
         part = path.with_suffix(".part")
         with self._disk_errors():
-            with part.open("xb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            part.replace(path)
+            try:
+                with part.open("xb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())
+                part.replace(path)
+            except OSError:  # what there was room for would take it from the next attempt
+                part.unlink(missing_ok=True)
+                raise
             sync_folder(self.arrays)
 
     def read(self, event: str) -> bytes | None:

@@ -30,6 +30,9 @@ from .pace import Pace
 
 log = logging.getLogger(__name__)
 
+TRY_AGAIN = 1.0
+"""Seconds until an event that the journal could not keep is given to it again."""
+
 PROGRESS_EVERY = 0.2
 """Least seconds between two progress events, since the journal keeps them like every event."""
 
@@ -140,6 +143,8 @@ class Acquisition:
     ) -> None:
         self.current: MeasurementJob | None = None
         self.waiting: deque[MeasurementJob] = deque()
+        self.not_kept = ""
+        """Why the journal does not take the current job's next event, in a sentence; empty if it does."""
         self._name = name
         self._analyzer = analyzer
         self._instrument = instrument
@@ -205,7 +210,7 @@ class Acquisition:
     def end_cancelled(self, job: MeasurementJob) -> None:
         """Publish the end of a job that was cancelled while it waited; the running one ends by itself."""
         if job is not self.current:
-            self._state(job, "cancelled", BEFORE_IT_BEGAN)
+            self._publish(self._state(job, "cancelled", BEFORE_IT_BEGAN), ())
 
     def cancel_all(self) -> None:
         """Cancel the running job and all that wait, and those that come from now on: the daemon ends."""
@@ -215,12 +220,15 @@ class Acquisition:
                 job.cancelled.set()
 
     async def work(self) -> None:
-        """Measure until cancelled. Raises JournalError if the journal fails, because results must not be lost."""
+        """Measure until cancelled."""
         while True:
             await self._ready()  # until the journal can take the result; meanwhile all that wait may be cancelled
             if self.waiting:
                 self.current = self.waiting.popleft()
-                await self._do(self.current)
+                try:
+                    await self._do(self.current)
+                except JournalError as error:
+                    log.error("not in the journal: how measurement %s ended: %s", self.current.measurement, error)
                 self.current = None
             else:
                 self._more.clear()
@@ -228,23 +236,24 @@ class Acquisition:
 
     async def _do(self, job: MeasurementJob) -> None:
         if job.cancelled.is_set():
-            self._state(job, "cancelled", BEFORE_IT_BEGAN)
+            await self._keep(job, self._state(job, "cancelled", BEFORE_IT_BEGAN))
             return
-        self._state(job, "measuring")
+        await self._keep(job, self._state(job, "measuring"))
         try:
             sweeps = await self._analyzer.measure(job, self._reporter(job))
             await self._announce(job, tuple(map(self._annotated, sweeps)))
         except Cancelled as error:
-            self._state(job, "cancelled", str(error))
+            end = self._state(job, "cancelled", str(error))
         except JournalError:
             raise
         except PzctlError as error:
-            self._state(job, "failed", str(error))
+            end = self._state(job, "failed", str(error))
         except Exception as error:
             log.exception("measurement %s", job.measurement)
-            self._state(job, "failed", f"a defect of pzctl, see the daemon's log: {error!r}")
+            end = self._state(job, "failed", f"a defect of pzctl, see the daemon's log: {error!r}")
         else:
-            self._state(job, "measured-aside" if job.decides else "measured", f"{len(sweeps)} sweep(s)")
+            end = self._state(job, "measured-aside" if job.decides else "measured", f"{len(sweeps)} sweep(s)")
+        await self._keep(job, end)
 
     async def _announce(self, job: MeasurementJob, sweeps: tuple[Sweep, ...]) -> None:
         """Publish the sweeps; other tasks get a turn before each, as hundreds take the disk seconds, but none after."""
@@ -268,11 +277,30 @@ class Acquisition:
                 by=job.by,
                 columns=columns,
             )
-            self._publish(event, payload)
+            await self._keep(job, event, payload)
 
-    def _state(self, job: MeasurementJob, state: str, says: str = "") -> None:
-        event = StateEvent(state=state, says=says, measurement=job.measurement, sample=job.sample, analyzer=self._name)
-        self._publish(event, ())
+    async def _keep(self, job: MeasurementJob, event: Event, payload: Payload = ()) -> None:
+        """Publish an event of a job; if the journal cannot keep it, because the disk is full for example, later.
+
+        Raises JournalError if the journal still cannot keep it when the job is cancelled.
+        """
+        while True:
+            try:
+                self._publish(event, payload)
+            except JournalError as error:
+                if job.cancelled.is_set():
+                    self.not_kept = ""
+                    raise
+                if not self.not_kept:
+                    self.not_kept = f"measurement {job.measurement} waits until the journal can keep it: {error}"
+                    log.error("%s", self.not_kept)
+            else:
+                self.not_kept = ""
+                return
+            await asyncio.sleep(TRY_AGAIN)
+
+    def _state(self, job: MeasurementJob, state: str, says: str = "") -> StateEvent:
+        return StateEvent(state=state, says=says, measurement=job.measurement, sample=job.sample, analyzer=self._name)
 
     def _reporter(self, job: MeasurementJob) -> Callable[[Progress], None]:
         """Return a function for the analyzer's thread that passes progress to the event loop at a limited rate."""
@@ -288,7 +316,7 @@ class Acquisition:
         return report
 
     def _tell(self, progress: ProgressEvent) -> None:
-        """Publish progress. If the journal fails, the measurement's next event says so, and ends the daemon."""
+        """Publish progress. If the journal cannot keep it, it is dropped."""
         try:
             self._publish(progress, ())
         except JournalError as error:

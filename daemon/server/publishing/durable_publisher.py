@@ -6,13 +6,14 @@ It is away while its server cannot be reached, or another program has locked its
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 
 import msgspec
 
 from ....models.build import Build
 from ...journal.journal_writer import JournalWriter
-from ...journal.store import JournalAway
+from ...journal.store import JournalAway, JournalError
 from ...wire.events import Event, Payload, ProgressEvent, StateEvent
 from ...wire.metrics import Metrics
 from ...wire.uuid7 import uuid7
@@ -22,6 +23,15 @@ log = logging.getLogger(__name__)
 
 KNOCK = 1.0
 """Seconds between two attempts to reach a journal that is away."""
+
+
+@contextmanager
+def logged_if_not_kept(what: str) -> Generator[None]:
+    """Log a JournalError instead of raising it: what must be done whether or not the journal can keep it."""
+    try:
+        yield
+    except JournalError as error:
+        log.error("not in the journal: %s: %s", what, error)
 
 
 class DurablePublisher:
@@ -112,10 +122,14 @@ class DurablePublisher:
             try:
                 if self._journal.store.gone:
                     self._journal.resume(await asyncio.to_thread(self._journal.reopened))
+            except JournalAway as error:
+                log.warning("%s", error)
+                continue
+            try:
                 with self._journal.together():  # also if nothing was postponed: a locked database is away still
                     pass
                 self.catch_up()
-            except JournalAway as error:
+            except JournalError as error:  # its disk is full, for example
                 log.warning("%s", error)
                 continue
             log.info("%s: the journal is back", self._journal.name)

@@ -1,7 +1,6 @@
 """The handlers of all requests but `bench`: look-ups, changes of the queue, answers of fitters."""
 
 import hashlib
-import logging
 import os
 import time
 from collections.abc import Callable, Generator, Sequence
@@ -19,7 +18,6 @@ from ...files.builds.build_table import BuildError
 from ...files.builds.sent_build import check_sent_build
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement, JournalReader
 from ...journal.journal_writer import JournalWriter
-from ...journal.store import JournalError
 from ...journal.stores.event_rows import WITHDRAWN
 from ...journal.withdrawal import WithdrawalError, withdrawal_event
 from ...wire import replies as reply
@@ -30,13 +28,12 @@ from ...wire.frames import to_json
 from ...wire.metrics import Metrics
 from ..analyzers.acquisition import MeasurementJob
 from ..analyzers.served_analyzers import ServedAnalyzer, ServedAnalyzers
+from ..publishing.durable_publisher import logged_if_not_kept
 from ..workers.job_runner import JobRunner, WorkerJob
 from ..workers.job_worker import diagnosis_version
 from ..workers.supervisor import Supervisor
 from .request_errors import RequestError
 from .submissions import checked
-
-log = logging.getLogger(__name__)
 
 MOST_FITTERS = 100
 """Greatest number of fitters in the list."""
@@ -212,7 +209,7 @@ class RequestHandlers:
             raise RequestError("nothing-to-cancel", named or "nothing is being measured")
         did = "cancelling"
         self.audit(asked_for(request, client, did, measurement=job.measurement, sample=job.sample, analyzer=on.name))
-        with _whatever_the_journal_does("the end of a cancelled measurement"):
+        with logged_if_not_kept("the end of a cancelled measurement"):
             on.acquisition.end_cancelled(job)
         return reply.Answer(id=request.id), []
 
@@ -315,16 +312,19 @@ class RequestHandlers:
             yield journal
 
     def not_kept(self, request: ask.Request) -> str | None:
-        """Return why there is no answer to a job that was requested, if the journal could not keep it."""
-        is_job = isinstance(request, ask.FitRequest | ask.DiagnoseRequest)
-        return self.jobs.not_kept.get(_job_of(request)) if is_job else None
+        """Return why there is no answer to a request that was carried out, if the journal could not keep it."""
+        if isinstance(request, ask.FitRequest | ask.DiagnoseRequest):
+            return self.jobs.not_kept.get(_job_of(request))
+        if isinstance(request, ask.MeasureRequest):
+            return next(filter(None, (one.acquisition.not_kept for one in self.analyzers.every)), None)
+        return None
 
     def audit(self, event: StateEvent) -> None:
         """Publish who requested an action that is carried out whether or not the journal can keep the event.
 
         If it cannot, only the log names the client.
         """
-        with _whatever_the_journal_does(f"{event.state} {event.says} by {event.client!r}"):
+        with logged_if_not_kept(f"{event.state} {event.says} by {event.client!r}"):
             self.publish(event, ())
 
     def leased(self, request: ask.LeaseRequest, client: str) -> ServedAnalyzer:
@@ -423,15 +423,6 @@ def asked_for(
         client=client,
         by=request.by,
     )
-
-
-@contextmanager
-def _whatever_the_journal_does(what: str) -> Generator[None]:
-    """Log a JournalError instead of raising it: what protects sample and instrument does not depend on the journal."""
-    try:
-        yield
-    except JournalError as error:
-        log.error("not in the journal: %s: %s", what, error)
 
 
 def scoped(client: str, request: str) -> str:

@@ -19,7 +19,7 @@ from ...journal.store import JournalError
 from ...wire.curve_keys import ClientKey
 from ...wire.events import FitEvent
 from .bounded_logs import keep_newest
-from .process_runner import run_to_end
+from .process_runner import not_run, run_to_end
 
 log = logging.getLogger(__name__)
 
@@ -113,21 +113,13 @@ class JobRunner:
 
     async def _do(self, job: WorkerJob, of: JournalMeasurement, sweeps: tuple[str, ...]) -> None:
         async with self._slots:
-            began, most = time.monotonic(), self.limits.seconds
-            arguments = [*job.arguments, "--events", self.events, "--requests", self.requests]
-            output = log_file(self.home, f"job-{job.measurement}-{next(self._numbers)}")  # several jobs may be of one
-            end = await run_to_end(
-                "pzctl.daemon.server.workers.job_worker",
-                [*arguments, "--memory-MB", str(self.limits.memory_MB)],
-                output,
-                self.key,
-                lambda: f"no answer within {most:g} s" if time.monotonic() - began > most else "",
-            )
-        if end.code == 0:
-            output.unlink(missing_ok=True)
+            try:
+                failure = await self._run(job)
+            except OSError as error:
+                failure = not_run(error)
+        if not failure:
             return
-        keep_newest(output.parent, "job-*.log*", LOGS_KEPT, LARGEST_LOG)
-        says = f"{job.name} of measurement {of.id}: {end.says}"
+        says = f"{job.name} of measurement {of.id}: {failure}"
         refusal = FitEvent(measurement=of.id, sample=of.sample, fitter=job.name, version="", sweeps=sweeps, error=says)
         try:
             self.publish(refusal)
@@ -136,6 +128,24 @@ class JobRunner:
             self.not_kept[job] = f"the answer of {job.name} to measurement {of.id} could not be kept: {error}"
             if len(self.not_kept) > MOST:
                 del self.not_kept[next(iter(self.not_kept))]
+
+    async def _run(self, job: WorkerJob) -> str:
+        """Run a job's process; return why it failed, or an empty string. Raises OSError if it cannot be run."""
+        began, most = time.monotonic(), self.limits.seconds
+        arguments = [*job.arguments, "--events", self.events, "--requests", self.requests]
+        output = log_file(self.home, f"job-{job.measurement}-{next(self._numbers)}")  # several jobs may be of one
+        end = await run_to_end(
+            "pzctl.daemon.server.workers.job_worker",
+            [*arguments, "--memory-MB", str(self.limits.memory_MB)],
+            output,
+            self.key,
+            lambda: f"no answer within {most:g} s" if time.monotonic() - began > most else "",
+        )
+        if end.code == 0:
+            output.unlink(missing_ok=True)
+            return ""
+        keep_newest(output.parent, "job-*.log*", LOGS_KEPT, LARGEST_LOG)
+        return end.says
 
 
 def _effects() -> frozenset[str]:

@@ -30,6 +30,11 @@ class ProcessExit:
     says: str
 
 
+def not_run(error: OSError) -> str:
+    """Return a sentence about a process that could not be run or logged, because the disk is full for example."""
+    return f"its process could not be run: {error.filename or 'the log'}: {error.strerror or error}"
+
+
 def worker_client(events: str, requests: str) -> Client:
     """Return the client for a worker's process; remove its key from the environment."""
     key = os.environ.pop(KEY, None)
@@ -43,6 +48,7 @@ async def run_to_end(
 
     Its output goes to a new file `log`, and the previous one is kept as `.last`, so that a worker that crashes again
     and again does not fill the disk. `key` is its key for the daemon. If cancelled, this coroutine ends the process.
+    Raises OSError if the log cannot be written or the process cannot be started.
     """
     if log.exists():
         log.replace(log.with_suffix(".last"))

@@ -11,7 +11,7 @@ from ...files.worker_limits import Limits
 from ...wire.curve_keys import ClientKey
 from ...wire.replies import FitterState
 from .pending_results import PendingResults
-from .process_runner import run_to_end
+from .process_runner import not_run, run_to_end
 from .visitors import LEASE, Visitors
 from .worker_main import GIVEN_UP
 
@@ -89,13 +89,16 @@ class Supervisor:
 
     async def _live(self, name: str) -> WorkerExit:
         """Run the process once; end it if it hangs or if this is cancelled."""
-        path = log_file(self.home, "fitter-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name))
+        log_name = "fitter-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
         arguments = [name, "--events", self.events, "--requests", self.requests]
         arguments += ["--memory-MB", str(self.limits.memory_MB)]
         began = time.monotonic()
-        end = await run_to_end(
-            "pzctl.daemon.server.workers.fitter_worker", arguments, path, self.key, lambda: self._hung(name, began)
-        )
+        module = "pzctl.daemon.server.workers.fitter_worker"
+        try:
+            path = log_file(self.home, log_name)
+            end = await run_to_end(module, arguments, path, self.key, lambda: self._hung(name, began))
+        except OSError as error:
+            return WorkerExit(name, None, not_run(error))
         return WorkerExit(name, end.code, end.says)
 
     def _hung(self, name: str, began: float) -> str:

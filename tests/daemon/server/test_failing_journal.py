@@ -1,6 +1,7 @@
 """A journal that takes some rows, or none: nothing happens by halves, and stopping needs no journal."""
 
 import json
+import resource
 import sqlite3
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, closing, contextmanager
@@ -18,6 +19,7 @@ from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.store import JournalError
 from pzctl.daemon.wire.events import StateEvent
 from pzctl.daemon.wire.frames import to_json
+from pzctl.fitters.interface import FitError
 from pzctl.models.build import Build
 from pzctl.models.sweep_plan import Segment, SweepPlan
 
@@ -126,6 +128,63 @@ def test_who_waits_for_a_fit_that_could_not_be_kept_is_told(
             assert f"to measurement {measurement} could not be kept: " in str(told.value)
             assert "the disk is full" in str(told.value)
         assert lab.fit(measurement, "mason", 60).steps == ("disk",), "it is done again"
+
+
+def test_a_measurement_waits_for_a_full_disk_and_whoever_waits_for_it_is_told(
+    start_daemon: Callable[..., Location], build: Build, refusing: Refusing, monkeypatch: pytest.MonkeyPatch, wait_until
+) -> None:
+    monkeypatch.setattr(conversations, "ASK_AGAIN", 0.5)
+    start_daemon()
+    with connect() as lab:
+        with refusing('"measured"'), pytest.raises(DaemonError) as told:
+            lab.measure(build, "disk")
+        assert "waits until the journal can keep it: " in str(told.value)
+        assert "the disk is full" in str(told.value)
+        wait_until(lambda: lab.samples()[0].measurements[0].state == "measured")
+        measurement = lab.samples()[0].measurements[0].measurement
+        assert len(lab.sweeps(measurement)) == 2, "nothing is lost"
+        with refusing('"measuring"'):
+            gives_up = lab.begin(build, "disk")
+            wait_until(lambda: lab.status().measuring == gives_up)
+            lab.cancel(gives_up)
+            wait_until(lambda: lab.status().measuring is None)
+        assert lab.measure(build, "disk").sweeps
+
+
+def test_a_full_disk_does_not_end_the_daemon_with_its_fitters(
+    start_daemon: Callable[..., Location], build: Build, refusing: Refusing, wait_until, tmp_path: Path
+) -> None:
+    """Neither the journal nor the folder of logs can be written while a fitter answers, ends and is started again."""
+    start_daemon("Echo")
+    logs = log_file(tmp_path, "daemon").parent
+    with connect() as lab:
+        wait_until(lambda: lab.status().fitters[0].state == "ready")
+        aside = logs.rename(tmp_path / "aside")
+        with refusing('"fit"'), refusing('"fitter-', "full too"):
+            logs.write_text("no folder of logs can be made here")
+            measurement = lab.measure(build, "disk").id
+            wait_until(lambda: lab.status().fitters[0].says.startswith("its process could not be run: "))
+        with pytest.raises(FitError, match=r"crashed . times over this measurement: its process could not be run: "):
+            lab.wait_fit("guest_examples:Echo", measurement)
+        with pytest.raises(FitError, match=r"mason of measurement .*: its process could not be run: .*log"):
+            lab.fit(measurement, "mason")
+        logs.unlink()
+        aside.rename(logs)
+        assert lab.fit(measurement, "mason").steps == ("disk",)
+        wait_until(lambda: lab.status().fitters[0].state == "ready")
+
+
+def test_an_array_for_which_there_was_no_room_is_written_later(tmp_path: Path) -> None:
+    with closing(JournalWriter(tmp_path / "journal")) as journal:
+        most = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, most[1]))
+        try:
+            with pytest.raises(JournalError, match=r"the journal cannot be read or written: .*File too large"):
+                journal.store.write_array("e", bytes(200_000))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, most)
+        journal.store.write_array("e", bytes(200_000))
+        assert journal.store.read_array("e") == bytes(200_000)
 
 
 def test_after_a_failed_commit_the_journal_goes_on(tmp_path: Path) -> None:
