@@ -47,10 +47,10 @@ class JournalReader:
     JournalError if disk, database or server fail.
     """
 
-    def __init__(self, place: Place, station: str = "", *, write: bool = False, again: bool = False) -> None:
+    def __init__(self, place: Place, station: str = "", *, write: bool = False) -> None:
         self.station = station
         self._place = place
-        self.store = open_store(place, write=write, again=again)
+        self.store = open_store(place, write=write)
 
     @property
     def name(self) -> str:
@@ -58,13 +58,8 @@ class JournalReader:
         return self.store.name
 
     def reader(self) -> "JournalReader":
-        """Open the same journal again, for reading in another thread.
-
-        The database's file is opened by SQLite only: when a process closes a file, the kernel drops all its locks on
-        it. Without its lock, this journal's write-ahead log would be removed by the next program that closes the
-        database, and all that is written from then on would be lost.
-        """
-        return JournalReader(self._place, self.station, again=True)
+        """Open the same journal again, for reading in another thread."""
+        return JournalReader(self._place, self.station)
 
     def close(self) -> None:
         """Close the journal."""

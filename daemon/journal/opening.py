@@ -6,13 +6,10 @@ from .store import JournalError, Place, Store
 from .stores.folder_store import FolderStore
 
 
-def open_store(place: Place, *, write: bool, again: bool = False) -> Store:
-    """Open a journal; for writing, make its tables or migrate them to this version. Raises JournalError.
-
-    `again`: this process has it open already; its files are then not checked, see `JournalReader.reader`.
-    """
+def open_store(place: Place, *, write: bool) -> Store:
+    """Open a journal; for writing, make its tables or migrate them to this version. Raises JournalError."""
     if isinstance(place, Path):
-        return FolderStore(place, write=write, unchecked=again)
+        return FolderStore(place, write=write)
     try:
         from .stores.postgres_store import PostgresStore
     except ModuleNotFoundError as error:

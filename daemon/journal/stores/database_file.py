@@ -1,6 +1,9 @@
 """Checks of a folder journal's database file before SQLite opens it, as SQLite would make a missing file anew."""
 
-from collections.abc import Callable
+import threading
+from collections import Counter
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..store import JournalError
@@ -14,6 +17,30 @@ _MAGIC = b"SQLite format 3\0"
 
 _HEADER = 100
 """Size of the header of an SQLite file in bytes."""
+
+_opened = Counter[Path]()
+"""Number of times that this process has the database of each folder open."""
+
+_opening = threading.Lock()
+
+
+@contextmanager
+def opening(folder: Path) -> Generator[bool]:
+    """Yield whether this process has the database of a folder open already; it has once more after that.
+
+    Nothing but SQLite may then open the file: when a process closes a file, the kernel drops all its locks on it, in
+    every thread. Without them, the next program that closes the database removes the write-ahead log that is in use,
+    and all that is written from then on is lost. No other thread opens a database meanwhile.
+    """
+    with _opening:
+        yield _opened[folder.resolve()] > 0
+        _opened[folder.resolve()] += 1
+
+
+def closed(folder: Path) -> None:
+    """Note that this process has closed the database of a folder once."""
+    with _opening:
+        _opened[folder.resolve()] -= 1
 
 
 def check_beside_arrays(folder: Path, count: Callable[[], int]) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..store import JournalAway, JournalError, Store
 from .array_folder import ORPHANS, ArrayFolder
-from .database_file import DATABASE, check_beside_arrays
+from .database_file import DATABASE, check_beside_arrays, closed, opening
 from .migrations import VERSION, check_version, migrate_sqlite
 from .views import DROP, SQLITE_VIEWS
 
@@ -32,30 +32,31 @@ class FolderStore(Store):
     """A journal's folder. A writer must hold the lock of `folder_lock`."""
 
     def __init__(self, folder: Path, *, write: bool, unchecked: bool = False) -> None:
-        """Open the folder; with `unchecked`, the database's file is opened by SQLite only.
-
-        That allows a new database beside existing arrays, which only a repair may make.
-        """
+        """Open the folder; with `unchecked`, also if arrays lack their database, which only a repair may make anew."""
         self.name = str(folder)
         self._folder = folder
         self._patience = PATIENCE
         self.files = ArrayFolder(folder)
-        if not unchecked:
-            check_beside_arrays(folder, lambda: len(self.files.files()))
-        if write:
-            self.files.make()
-        with _database_errors(folder):
-            self._db = _opened(folder) if write else _readable(folder)
-            version: int = self._db.execute("PRAGMA user_version").fetchone()[0]
+        with opening(folder) as is_open:
+            if not (unchecked or is_open):
+                check_beside_arrays(folder, lambda: len(self.files.files()))
+            if write:
+                self.files.make()
+            with _database_errors(folder):
+                self._db = _opened(folder) if write else _readable(folder)
+        self._is_open = True
         try:
-            check_version(self.name, version)
+            check_version(self.name, self.all("PRAGMA user_version")[0][0])
         except JournalError:
-            self._db.close()
+            self.close()
             raise
 
     def close(self) -> None:
         """Close the database."""
         self._db.close()
+        if self._is_open:
+            self._is_open = False
+            closed(self._folder)
 
     def all(self, sql: str, *values: str | int) -> list[tuple[Any, ...]]:
         """Return the rows that a statement selects."""

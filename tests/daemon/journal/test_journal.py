@@ -5,7 +5,7 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,6 +18,7 @@ from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.journal.store import JournalError
 from pzctl.daemon.journal.stores.folder_lock import is_written
+from pzctl.daemon.samples.sample_selection import open_journal
 from pzctl.daemon.server.launch import start
 from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, sweep_columns
 from pzctl.daemon.wire.result_messages import FitReport, NoiseReport
@@ -100,13 +101,20 @@ def test_one_writes_and_many_read(journal: JournalWriter, tmp_path: Path) -> Non
     assert not is_written(tmp_path / "journal")
 
 
-def test_reading_in_the_same_process_keeps_the_lock_of_the_database(journal: JournalWriter, tmp_path: Path) -> None:
+@pytest.mark.parametrize("open_again", [JournalWriter.reader, lambda _: open_journal()], ids=["daemon", "page"])
+def test_reading_in_the_same_process_keeps_the_lock_of_the_database(
+    open_again: Callable[[JournalWriter], JournalReader],
+    journal: JournalWriter,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Another program that closes the database would remove its log, with all that is written from then on."""
     count = "import sqlite3, sys; db = sqlite3.connect(sys.argv[1]); "
     count += "print(db.execute('SELECT count(*) FROM events').fetchone()[0]); db.close()"
     another = [sys.executable, "-c", count, tmp_path / "journal" / "journal.sqlite"]
     journal.append(StateEvent(state="one"))
-    journal.reader().close()
+    monkeypatch.setenv("PZCTL_HOME", str(tmp_path))
+    open_again(journal).close()
     seen = [subprocess.check_output(another, text=True).strip()]
     journal.append(StateEvent(state="two"))
     seen.append(subprocess.check_output(another, text=True).strip())
