@@ -66,6 +66,28 @@ def test_answers_that_nobody_reads_are_not_kept_without_end(
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="this needs Linux")
+def test_a_client_that_reads_slowly_is_not_refused(start_daemon: Callable[..., Location], measurement: str) -> None:
+    """It asks for ten answers of 19 MB at once, and for each of them twice, as if it had lost its patience."""
+    where = start_daemon()
+    with zmq.Context() as context, context.socket(zmq.DEALER) as slow, connect() as lab:
+        slow.linger = 0
+        slow.set(zmq.RCVHWM, 1)
+        slow.rcvtimeo = 60_000
+        unlocked(slow, where).connect(where.requests)
+        before = rss_MB(where.pid)
+        for k in [*range(10), *range(10)]:
+            request = {"v": 1, "id": str(k), "request": "sweeps", "measurement": measurement}
+            slow.send(json.dumps(request).encode())
+        answers = []
+        while len(answers) < 10:
+            time.sleep(0.5)
+            answers.append(json.loads(slow.recv_multipart()[0]))
+            assert rss_MB(where.pid) - before < 300
+        assert [(answer["id"], answer["ok"]) for answer in answers] == [(str(k), True) for k in range(10)]
+        lab.status()
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="this needs Linux")
 def test_a_client_that_leaves_without_reading_frees_its_connection(
     start_daemon: Callable[..., Location], measurement: str, wait_until: Callable[..., None]
 ) -> None:

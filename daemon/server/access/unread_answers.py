@@ -8,7 +8,7 @@ import os
 import struct
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from . import kernel_sockets
 
@@ -27,6 +27,9 @@ MOST_KNOWN = 1000
 FORGOTTEN = 5.0
 """Seconds without progress, with nothing left to send, after which answers count as dropped by libzmq."""
 
+STALLED = 2.0
+"""Seconds without progress after which a client counts as one that reads nothing: less than its heartbeat allows."""
+
 _ESTABLISHED = 1
 """The first byte of the kernel's `struct tcp_info` while both sides have the connection open."""
 
@@ -44,7 +47,9 @@ class _Reader:
     given: int
     read: int
     at: float
-    """Time when it last read something."""
+    """Time when it last read something, or was given something after it had read all."""
+    underway: dict[str, int] = field(default_factory=dict[str, int])
+    """The ids of requests whose answers are unread, with the bytes read at the end of each."""
 
 
 class Connection:
@@ -76,15 +81,30 @@ class UnreadAnswers:
         self._handles: set[int] = set()
         """Descriptors of connections that had a large answer; the others are not checked."""
 
-    def answered(self, handle: int, size: int) -> None:
-        """Record an answer to the connection with this descriptor."""
+    def answered(self, handle: int, size: int, request: str | None = None) -> None:
+        """Record an answer to the connection with this descriptor, to the request with this id."""
         if size < LITTLE or handle < 0:
             return
         self._handles.add(handle)
         if len(self._readers) > MOST_KNOWN:
             self._forget_closed()
-        if (reader := self._reader(handle)) is not None:
-            reader.given += size
+        if (reader := self._reader(handle)) is None:
+            return
+        if reader.given == reader.read:
+            reader.at = time.monotonic()
+        reader.given += size
+        if request is not None:
+            reader.underway[request] = reader.given
+
+    def is_reading(self, handle: int) -> bool:
+        """Return whether a connection's client has read something lately, however slowly."""
+        reader = self._reader(handle) if handle in self._handles else None
+        return reader is None or time.monotonic() - reader.at <= STALLED
+
+    def is_underway(self, handle: int, request: str | None) -> bool:
+        """Return whether a client that reads has not yet read all of an earlier answer to the request with this id."""
+        reader = self._reader(handle) if handle in self._handles else None
+        return reader is not None and request in reader.underway and self.is_reading(handle)
 
     def too_much(self, handle: int) -> int:
         """Return the number of unread bytes if they are too many for a further answer, else 0."""
@@ -111,6 +131,9 @@ class UnreadAnswers:
         elif not unsent and now - reader.at > FORGOTTEN:
             reader.given = acknowledged
         reader.given = max(reader.given, acknowledged)  # heartbeats and frame headers do not count as answers
+        reader.underway = {
+            request: end for request, end in reader.underway.items() if acknowledged < end <= reader.given
+        }
         return reader
 
     def _forget_closed(self) -> None:

@@ -39,6 +39,9 @@ READ_AT_ONCE = 1000
 LAST_ANSWERS = 2.0
 """Seconds for the answers that wait when the daemon ends."""
 
+SLOW_READER = 0.1
+"""Seconds until it is looked again whether a slow client has read enough for a further answer."""
+
 TURN = 0.002
 """Seconds of answering after which other tasks get their turn. After 2 ms with invalid messages the server pauses for
 2 ms, so that a flood does not take a whole core and valid requests are still answered soon."""
@@ -136,7 +139,10 @@ class RequestServer:
         if frames and not frames[0]:  # a REQ socket sends an empty frame before its request, and expects it back
             envelope.append(frames.pop(0))
         waiting = self._unread.too_much(descriptor)
-        answer = self._why_not(_id_of(frames), _unread(waiting)) if waiting else self._answer(frames, key)
+        if waiting and not self._unread.is_reading(descriptor):
+            answer = self._why_not(_id_of(frames), _unread(waiting))
+        else:
+            answer = self._answer(frames, key)
         if isinstance(answer, list):
             self._send(envelope, answer, began, descriptor)
         else:
@@ -163,10 +169,17 @@ class RequestServer:
             frames.append(following)
         return frames
 
-    def _send(self, envelope: Sequence[bytes], answer: Sequence[bytes], began: float, descriptor: int) -> None:
+    def _send(
+        self,
+        envelope: Sequence[bytes],
+        answer: Sequence[bytes],
+        began: float,
+        descriptor: int,
+        request: str | None = None,
+    ) -> None:
         self._handlers.metrics.counts["requests"] += 1
         self._handlers.metrics.lasted("request", time.monotonic() - began)
-        self._unread.answered(descriptor, sum(map(len, answer)))
+        self._unread.answered(descriptor, sum(map(len, answer)), request)
         self._socket.send_multipart([*envelope, *answer], zmq.NOBLOCK)
         # Sending may take libzmq's notice of a request that has just come, which is given once: look again.
         self._coming.get(zmq.EVENTS)
@@ -180,13 +193,17 @@ class RequestServer:
         request: str | None,
         key: str | None,
     ) -> None:
-        """Send an answer once it is there; not a large one if too many that were made meanwhile are still unread."""
+        """Send an answer once it is there: a large one when the client has read enough, and only once at a time."""
         try:
             says = await answer
-            descriptor = connection.handle
-            if sum(map(len, says)) >= LITTLE and (waiting := self._unread.too_much(descriptor)):
-                says = self._why_not(request, _unread(waiting))
-            self._send(envelope, says, began, descriptor)
+            if sum(map(len, says)) >= LITTLE:
+                try:
+                    await self._room([connection])
+                except RequestError as error:
+                    says = self._why_not(request, error)
+                if self._unread.is_underway(connection.handle, request):  # the client was impatient and asked again
+                    return
+            self._send(envelope, says, began, connection.handle, request)
         finally:
             self._waiting[key] -= 1
 
@@ -269,11 +286,26 @@ class RequestServer:
         """Return the answer that a thread reads, when it is this client's turn and somebody still waits for it."""
         thread = self._listing if isinstance(request, ask.SamplesRequest) else self._looking
         task = asyncio.current_task()
-        async with self._turns[thread, client]:
-            if task is not None and all(asker.is_gone for asker in self._askers[task]):
-                raise RequestError("busy", "the connection that asked has ended", "ask again")
-            run = asyncio.get_running_loop().run_in_executor
-            return await run(thread, self._handlers.answer, request, (), client)
+        askers = self._askers[task] if task is not None else []
+        while True:
+            async with self._turns[thread, client]:
+                if askers and all(asker.is_gone for asker in askers):
+                    raise RequestError("busy", "the connection that asked has ended", "ask again")
+                if not self._unread_by(askers):
+                    run = asyncio.get_running_loop().run_in_executor
+                    return await run(thread, self._handlers.answer, request, (), client)
+            await self._room(askers)
+
+    def _unread_by(self, askers: Sequence[Connection]) -> int:
+        """Return the bytes that are too many for a further answer to any of these connections, else 0."""
+        return min((self._unread.too_much(asker.handle) for asker in askers), default=0)
+
+    async def _room(self, askers: Sequence[Connection]) -> None:
+        """Wait until a client has read enough for a further answer. Raises RequestError once none reads anything."""
+        while waiting := self._unread_by(askers):
+            if not any(self._unread.is_reading(asker.handle) for asker in askers):
+                raise _unread(waiting)
+            await asyncio.sleep(SLOW_READER)
 
     def _why_not(self, request: str | None, error: Exception) -> list[bytes]:
         """Return the refusal for an error, and count it."""
