@@ -86,6 +86,15 @@ class Constant:
         return registry.Quantity(value, "" if unit == "1" else unit)
 
 
+_MOST_Q = 1e6
+"""Quality factor beyond that of all layers of a transducer: a fit that ends above it has found no losses at all."""
+
+
+def is_undetermined(name: str, constant: Constant) -> bool:
+    """Return whether a constant is a quality factor without an upper end, which the recording does not determine."""
+    return name.endswith(".q") and constant.free and constant.re > _MOST_Q
+
+
 @dataclass(frozen=True)
 class Share:
     """Contributions to a standard uncertainty, each a standard uncertainty itself; SI units."""

@@ -5,7 +5,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ...fitters.interface import Curve, FitResult
+from ...fitters.interface import Curve, FitResult, is_undetermined
 from ...models.base.arrays import Complexes
 from ...models.build import Build
 from ...models.sweep import Sweep
@@ -40,8 +40,13 @@ def sweep_json(sweep: Sweep) -> dict[str, Any]:
 
 
 def fitted_json(fit: FitResult, step: str, build: Build | None = None) -> dict[str, Any]:
-    """Return a fit with the curves of one gluing step, and with a verdict if the build has limits."""
-    return fit_json(fit, build) | {"curves": [_curve(curve) for curve in fit.curves if curve.step == step]}
+    """Return a fit with the curves of one gluing step, and with a verdict if the build has limits.
+
+    `undetermined` are the names of the constants that have no value.
+    """
+    curves = [_curve(curve) for curve in fit.curves if curve.step == step]
+    undetermined = [name for name, constant in fit.constants.items() if is_undetermined(name, constant)]
+    return fit_json(fit, build) | {"curves": curves, "undetermined": undetermined}
 
 
 def record_json(record: StepRecord, build: Build) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from ...fitters.interface import Curve, FitResult
 from ...fitters.manual.adjustables import Adjustable
 from ...fitters.manual.manual_fit import Choices, ManualFit, ModelPreview
 from ...models.base.errors import PzctlError
-from ...models.base.uncertain_numbers import complex_with_uncertainty
+from .constant_text import constant_text
 from .pictures.picture_file import as_label
 
 _STEPS = 400
@@ -132,7 +132,7 @@ class FitWidget:
             self._slider[name].value = value
             self._slider[name].observe(self._moved, names="value")
         rows = "".join(
-            f"<tr><td>{name}</td><td>{complex_with_uncertainty(c.re, c.im, c.u_re, c.u_im)}</td><td>{c.unit}</td></tr>"
+            f"<tr><td>{name}</td><td>{constant_text(name, c)}</td><td>{c.unit}</td></tr>"
             for name, c in self.result.constants.items()
             if c.free
         )

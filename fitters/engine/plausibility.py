@@ -8,7 +8,7 @@ import numpy as np
 from ...models.base.arrays import Reals
 from ...models.build import Build, LayerSpec
 from ...models.sweep import Sweep
-from ..interface import Constant, FitError
+from ..interface import Constant, FitError, is_undetermined
 from .noise import noise_of
 from .physical_range import OTHER, beyond_solids, too_thick
 from .start import largest_peaks
@@ -183,6 +183,8 @@ def doubts(
         elsewhere = _elsewhere(layer, constants, ran_away=ran_away)
         says += [elsewhere] if elsewhere else beyond_solids(layer, constants)
         says += too_thick(build, layer, constants) if ran_away else ()
+        if is_undetermined(f"{layer.name}.q", constants[f"{layer.name}.q"]):
+            says.append(f"{layer.name}.q is not determined: the fit finds no losses in {layer.name!r}.")
     return tuple(says)
 
 

@@ -147,9 +147,10 @@ function showFit() {
   const derived = Object.entries(fit?.derived ?? {}).filter(([name]) => limitsOf(name).length);
   body.replaceChildren(...[...Object.entries(fit?.constants ?? {}), ...derived].map(([name, c]) => {
     const row = element("tr", "", { className: c.free ? "" : "held" }), sheet = view.build.sheet[name];
-    const percent = c.free && sheet?.re ? ` (${(Math.round(1000 * (c.re / sheet.re - 1)) / 10 || 0).toFixed(1)} %)` : "";
-    const far = c.free && sheet && Math.abs(c.re - sheet.re) > 2 * Math.hypot(c.u_re ?? 0, sheet.u);
-    row.append(element("td", name), element("td", complexWithUncertainty(c)), element("td", c.unit),
+    const known = !fit.undetermined.includes(name), compared = known && c.free;
+    const percent = compared && sheet?.re ? ` (${(Math.round(1000 * (c.re / sheet.re - 1)) / 10 || 0).toFixed(1)} %)` : "";
+    const far = compared && sheet && Math.abs(c.re - sheet.re) > 2 * Math.hypot(c.u_re ?? 0, sheet.u);
+    row.append(element("td", name), element("td", known ? complexWithUncertainty(c) : "not determined"), element("td", c.unit),
       element("td", sheet ? complexWithUncertainty(sheet) + percent : "", { className: far ? "off" : "" }), limitsCell(limitsOf(name)));
     return row;
   }));

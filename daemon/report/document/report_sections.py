@@ -13,6 +13,7 @@ from ....models.build import Build
 from ....models.sweep import Sweep
 from ...samples.sample_record import SampleRecord, StepRecord
 from ...wire.frames import to_json
+from ..constant_text import constant_text
 from ..pictures import svg_pictures as draw
 from ..tables.deviation import deviation
 from ..tables.fit_tables import derived_shown
@@ -91,20 +92,24 @@ def constants(fit: FitResult, build: Build) -> str:
     classes: list[str] = []
     for name, c in fit.constants.items():
         nominal = sheet.get(name)
-        value = _number(c.re, c.im, c.u_re, c.u_im)
+        value = _unbroken(constant_text(name, c))
         expected = _number(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal else ""
-        percent, classed = deviation(c.re, c.u_re, nominal, c.free)
+        percent, classed = deviation(name, c, nominal)
         rows.append((name, value, c.unit, expected, percent, nominal.source if nominal else ""))
         classes.append(classed)
     for name, c in derived_shown(fit).items():
-        rows.append((name, _number(c.re, c.im, c.u_re, c.u_im), c.unit, "", "derived", ""))
+        rows.append((name, _unbroken(constant_text(name, c)), c.unit, "", "derived", ""))
         classes.append("held")
     return table(("constant", "fitted", "unit", "data sheet, build file", "deviation", "source"), rows, classes)
 
 
 def _number(re: float, im: float, u_re: float | None, u_im: float | None) -> str:
+    return _unbroken(complex_with_uncertainty(re, im, u_re, u_im))
+
+
+def _unbroken(number: str) -> str:
     """Return a complex number as text that is not broken before its j."""
-    return complex_with_uncertainty(re, im, u_re, u_im).replace(" j", "\N{NO-BREAK SPACE}j")
+    return number.replace(" j", "\N{NO-BREAK SPACE}j")
 
 
 def budget(fit: FitResult) -> str:

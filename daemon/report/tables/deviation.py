@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Literal, cast
 
+from ....fitters.interface import Constant, is_undetermined
 from ....models.base.plain_numbers import signed
 from ....models.build import Quantity
 
@@ -12,18 +13,18 @@ _MOST = 1e6
 """Per cent, or uncertainties, from which a deviation is written with an exponent."""
 
 
-def deviation(re: float, u: float | None, nominal: Quantity | None, free: bool) -> tuple[str, Verdict]:
+def deviation(name: str, constant: Constant, nominal: Quantity | None) -> tuple[str, Verdict]:
     """Return the deviation of a constant's real part as text, `+2.1 % (0.8 u)`, and its verdict."""
-    if not free:
+    if not constant.free:
         return "held", "held"
-    if nominal is None or not nominal.re:
+    if nominal is None or not nominal.re or is_undetermined(name, constant):
         return "", ""
-    away = 100 * (re / nominal.re - 1)
+    away = 100 * (constant.re / nominal.re - 1)
     percent = f"{signed(away, 1)} %" if abs(away) < _MOST else f"{away:+.1e} %"
-    both = ((u or 0.0) ** 2 + nominal.u**2) ** 0.5
+    both = ((constant.u_re or 0.0) ** 2 + nominal.u**2) ** 0.5
     if not both:
         return percent, ""
-    sigmas = abs(re - nominal.re) / both
+    sigmas = abs(constant.re - nominal.re) / both
     shown = f"{sigmas:.1f}" if sigmas < _MOST else f"{sigmas:.1e}"
     return f"{percent} ({shown} u)", "far" if sigmas > 2 else "off" if sigmas > 1 else "near"
 

@@ -7,6 +7,7 @@ from ....fitters.interface import Constant, FitResult
 from ....fitters.population.conformity import judged
 from ....models.base.uncertain_numbers import complex_with_uncertainty
 from ....models.build import Build, Quantity
+from ..constant_text import constant_text
 from .deviation import deviation
 from .unbroken_table import Column, UnbrokenTable
 from .verdict_table import print_verdict
@@ -53,9 +54,9 @@ def _title(result: FitResult) -> str:
 
 
 def _row(table: UnbrokenTable, name: str, constant: Constant, nominal: Quantity | None, *, compared: bool) -> None:
-    fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
+    fitted = constant_text(name, constant)
     sheet = complex_with_uncertainty(nominal.re, nominal.im, nominal.u, nominal.u_im) if nominal is not None else ""
-    words, verdict = deviation(constant.re, constant.u_re, nominal, constant.free)
+    words, verdict = deviation(name, constant, nominal)
     away = Text(words, style=_COLOURS.get(verdict, ""))
     cells = (sheet, away) if compared else ()
     table.add_row(name, fitted, constant.unit, *cells, style=None if constant.free else "dim")
@@ -65,5 +66,4 @@ def _derived_rows(table: UnbrokenTable, result: FitResult, layer: str) -> None:
     for name, constant in derived_shown(result).items():
         if name.split(".")[0] != layer:
             continue
-        fitted = complex_with_uncertainty(constant.re, constant.im, constant.u_re, constant.u_im)
-        table.add_row(f"  {name}", fitted, constant.unit, style="italic")
+        table.add_row(f"  {name}", constant_text(name, constant), constant.unit, style="italic")

@@ -98,7 +98,8 @@ def test_numbers_are_formatted_with_their_uncertainty(value: float, u: float | N
     ],
 )
 def test_a_deviation_counts_in_uncertainties_of_both(re: float, words: str, verdict: str) -> None:
-    assert deviation(re, 1.0, Quantity(100.0, u=1.0), free=True) == (words, verdict)
+    constant = Constant(re, 0.0, 1.0, 0.0, "m")
+    assert deviation("ml1.thickness", constant, Quantity(100.0, u=1.0)) == (words, verdict)
 
 
 def test_a_shift_of_what_is_zero_within_its_uncertainty_counts_in_uncertainties() -> None:
