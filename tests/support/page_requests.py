@@ -33,11 +33,13 @@ def ask(
     body: bytes | None = b"{}",
     users: PageUsers | None = None,
     trusts_proxy: bool = False,
+    build: str = BUILD,
     **headers: str,
 ) -> tuple[int, dict[str, str], bytes]:
     """Return status, headers and body of the answer.
 
-    Without a body, the client never sends one; `trusts_proxy` accepts headers added by a proxy on this machine.
+    Without a body, the client never sends one; `trusts_proxy` accepts headers added by a proxy on this machine;
+    `build` is the text of a build file.
     """
     where, _, query = path.partition("?")
     given = {"host": "127.0.0.1:8294", **headers}
@@ -65,7 +67,7 @@ def ask(
     async def send(message: Any) -> None:
         heard.append(dict(message))
 
-    page: Any = page_app(parse_build(BUILD), token, users)
+    page: Any = page_app(parse_build(build), token, users)
     app = ProxyHeadersMiddleware(page) if trusts_proxy else page  # as uvicorn does by default
     asyncio.run(app(scope, receive, send))
     answer = b"".join(message.get("body", b"") for message in heard)

@@ -18,7 +18,7 @@ from urllib.request import urlopen
 
 import numpy as np
 import pytest
-from page_requests import ask
+from page_requests import BUILD, ask
 from pruned_hole import endpoints, prune_unheard
 
 from pzctl import connect
@@ -205,6 +205,17 @@ def test_a_refusal_says_what_to_do(start_daemon, build: Build, wait_until) -> No
         wait_until(lambda: lab.status().measuring is None)
         lab.bench({"command": "next"})
     assert re.match(r"The simulated bench cannot do this: .*'disk' is over.* in their order\.", pressed("disk"))
+
+
+def test_a_step_that_the_bench_does_not_know_is_measured_with_the_device_as_it_is(start_daemon) -> None:
+    start_daemon()
+    bare = BUILD.replace('[[steps]]\nname = "disk"', '[[steps]]\nname = "bare"')
+    bare += "[sweep]\nsegments = [ { start_MHz = 1, stop_MHz = 6, points = 51 } ]\n"
+    pressed = {"method": "POST", "body": b'{"step": "bare"}', "origin": "http://127.0.0.1:8294", "build": bare}
+    status, _, answer = ask("/api/measure", **pressed)  # type: ignore[arg-type]
+    assert status == 200, answer
+    with connect() as lab:
+        assert [one.step for one in lab.samples()[0].measurements] == ["bare"]
 
 
 def keep_measurement(home: Path, build: Build, step: str) -> str:
