@@ -7,6 +7,7 @@ import msgspec
 from ...models.base.errors import PzctlError
 from ...models.sweep import Sweep
 from ..report.json_output.comparison_json import comparison_json
+from ..report.probability import probability_text
 from ..samples.sample_record import sample_record
 from ..samples.sample_selection import open_journal
 from .page_json import numbers_json
@@ -66,12 +67,13 @@ def _answer(request: ComparisonRequest) -> dict[str, Any]:
     finally:
         journal.close()
     comparison = compare([sweeps[0]], [sweeps[1]])
-    curve = comparison.curve
-    return comparison_json(comparison) | {
+    curve, found = comparison.curve, comparison_json(comparison)
+    return found | {
+        "findings": [one | {"probability_text": probability_text(one["probability"])} for one in found["findings"]],
         "curve": {
             "f": curve.frequency.tolist(),
             "before": numbers_json(curve.before),
             "after": numbers_json(curve.after),
             "explained": numbers_json(curve.explained),
-        }
+        },
     }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from ....models.base.names import shown
+from ....models.base.names import as_file_name, shown
 from .fit import Columns, read_steps
 from .fit_options import UsageError, comma_names
 
@@ -142,7 +142,8 @@ def diagnose(
         console(stderr=as_json).print(f"written to {build}: {names}; `pzctl fit` uses it", soft_wrap=True)
     if picture is None and as_json:
         return
-    target = picture or Path(f"{device.name if device else 'device'}-diagnosis.png")
+    recorded = Path(next(sweep.name for of_step in task.sweeps.values() for sweep in of_step)).stem
+    target = picture or Path(f"{as_file_name(device.name if device else recorded)}-diagnosis.png")
     drawn = diagnosis_picture(shown_diagnosis, diagnosis_curves(diagnosis), device, target)
     console(stderr=as_json).print(f"picture: {drawn}", highlight=False, soft_wrap=True)
 

@@ -238,7 +238,8 @@ def _show(
             print_fit(screen, result, known)
             if budget:
                 print_budget(screen, result)
-        target = picture or Path(f"{as_file_name(result.build, *result.steps, result.fitter)}.png")
+        device = result.build if known is not None else Path(result.build).stem  # its recording stands for it
+        target = picture or Path(f"{as_file_name(device, *result.steps, result.fitter)}.png")
         if len(results) > 1 and picture is not None:
             target = picture.with_stem(f"{picture.stem}-{result.fitter}")
         screen.print(f"picture: {fit_picture(result, target)}", highlight=False, soft_wrap=True)

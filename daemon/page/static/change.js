@@ -9,7 +9,7 @@ function row(finding) {
   const made = document.createElement("tr");
   const sizes = Object.entries(finding.parameters).map(([name, size]) => `${name} ${withUncertainty(size.value, size.u)}${size.unit === "1" ? "" : ` ${size.unit}`}`);
   const alike = finding.same_as.length ? ` (or ${finding.same_as.map((one) => one.effect).join(", ")})` : "";
-  for (const text of [`${finding.effect}${finding.removed ? " gone" : ""}${alike}`, finding.where, finding.probability > 0.99 ? "> 0.99" : finding.probability.toFixed(2), sizes.join("; ")]) {
+  for (const text of [`${finding.effect}${finding.removed ? " gone" : ""}${alike}`, finding.where, finding.probability_text, sizes.join("; ")]) {
     made.append(Object.assign(document.createElement("td"), { textContent: text }));
   }
   return made;

@@ -66,7 +66,7 @@ def diagnosis_figure(diagnosis: Mapping[str, Any], curves: Sequence[Curve], buil
             axes.set_axis_off()
     entries = panels.flat[0].get_legend_handles_labels()
     above.legend(*entries, fontsize=8.5, frameon=False, ncols=6, loc="outside lower center")
-    name = "device" if build is None else build.name
+    name = curves[-1].step if build is None else build.name
     title = fill(f"{name}: {diagnosis['says'][0]}", _TITLE)
     above.suptitle(as_label(title), fontweight="bold", fontsize=11.5)
     sketch, chances = below.subplots(1, 2, width_ratios=[1.15, 1.0])

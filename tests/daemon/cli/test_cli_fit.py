@@ -14,6 +14,7 @@ from pzctl.daemon.cli.commands import app
 from pzctl.drivers.recordings import read_memory_trace, read_recording, write_csv
 from pzctl.models.base.errors import PzctlError
 from pzctl.models.circuits.lumped import Branch, Lumped
+from pzctl.models.sweep import Sweep
 
 DISK_20X2 = """
 name = "disk-20x2"
@@ -71,6 +72,17 @@ def test_the_analyzers_own_equivalent_circuit_is_recovered(here: Path, recording
     branch = Branch(constants["branch1.R"], constants["branch1.L"], constants["branch1.C"])
     model = Lumped(constants["C0"], (branch,), tan_delta=constants["C0.tan_delta"])
     assert np.max(np.abs(np.log(model.impedance(memory.frequency) / memory.impedance))) < 0.01
+
+
+def test_pictures_of_a_device_without_a_build_have_the_name_of_its_recording(here: Path) -> None:
+    f = np.linspace(1e6, 3e6, 101)
+    circuit = Lumped(1e-9, (Branch(20.0, 1e-4, 6.3e-11),))
+    noise = 1e-3 * np.random.default_rng(0).normal(size=(2, f.size))
+    write_csv(Sweep(f, circuit.impedance(f) * np.exp(noise[0] + 1j * noise[1])), here / "probe-7.csv")
+    for command, picture in (("fit", "probe-7-sensor-bvd.png"), ("diagnose", "probe-7-diagnosis.png")):
+        done = CliRunner().invoke(app, [command, "--fitter", "bvd", "sensor=probe-7.csv"])
+        assert f"picture: {picture}" in done.output
+        assert (here / picture).exists()
 
 
 def test_the_fitted_circuit_is_near_the_analyzers(here: Path, recordings: Path) -> None:

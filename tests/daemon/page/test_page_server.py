@@ -26,6 +26,7 @@ from pzctl.daemon.client import event_follower
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.page.event_stream import EventStream
 from pzctl.daemon.page.page_guard import is_loopback
+from pzctl.daemon.report.probability import probability_text
 from pzctl.daemon.wire.events import InstrumentInfo, SampleStep, StateEvent, SweepEvent, sweep_columns
 from pzctl.models.build import Build, Step
 from pzctl.models.sweep import Sweep
@@ -110,6 +111,7 @@ def test_two_sweeps_of_the_journal_are_compared_and_one_that_is_not_there_is_a_s
     (finding,) = found["findings"]
     assert finding["effect"] in ("series-coil", "lead-inductance")
     assert finding["parameters"]["inductance"]["value"] == pytest.approx(3e-6, rel=0.05)
+    assert finding["probability_text"] == probability_text(finding["probability"])
     assert len(found["curve"]["explained"]["re"]) == len(found["curve"]["f"]) == 101
     status, found = compared(2)
     assert (status, found["error"]) == (404, f"{names[1]} has no sweep 2; allowed are 1 to 1")
