@@ -4,7 +4,9 @@ Both run the same SQL, with `?` for each value. `folder_store` and `postgres_sto
 chooses between them.
 """
 
+import errno
 import hashlib
+import sqlite3
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -23,6 +25,18 @@ class JournalError(CannotError):
 
 class JournalAway(JournalError):
     """The journal's server cannot be reached, or another program has locked its database; it may be back soon."""
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_BROKEN = (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+
+def is_broken(error: JournalError) -> bool:
+    """Return whether disk or database have failed; a full disk has not, and may take the same event later."""
+    cause = error.__cause__
+    if isinstance(cause, OSError):
+        return cause.errno not in _FULL
+    return getattr(cause, "sqlite_errorcode", 0) & 0xFF in _BROKEN
 
 
 class Store(ABC):

@@ -14,7 +14,7 @@ from ....models.base.errors import PzctlError
 from ....models.build import Build
 from ....models.sweep import Sweep
 from ....models.sweep_plan import SweepPlan
-from ...journal.store import JournalError
+from ...journal.store import JournalError, is_broken
 from ...wire.events import (
     Event,
     InstrumentInfo,
@@ -220,7 +220,7 @@ class Acquisition:
                 job.cancelled.set()
 
     async def work(self) -> None:
-        """Measure until cancelled."""
+        """Measure until cancelled. Raises JournalError if disk or database fail, because results must not be lost."""
         while True:
             await self._ready()  # until the journal can take the result; meanwhile all that wait may be cancelled
             if self.waiting:
@@ -228,6 +228,8 @@ class Acquisition:
                 try:
                     await self._do(self.current)
                 except JournalError as error:
+                    if is_broken(error):
+                        raise
                     log.error("not in the journal: how measurement %s ended: %s", self.current.measurement, error)
                 self.current = None
             else:
@@ -280,15 +282,15 @@ class Acquisition:
             await self._keep(job, event, payload)
 
     async def _keep(self, job: MeasurementJob, event: Event, payload: Payload = ()) -> None:
-        """Publish an event of a job; if the journal cannot keep it, because the disk is full for example, later.
+        """Publish an event of a job; if the disk is full, later.
 
-        Raises JournalError if the journal still cannot keep it when the job is cancelled.
+        Raises JournalError if disk or database fail, or if the disk is still full when the job is cancelled.
         """
         while True:
             try:
                 self._publish(event, payload)
             except JournalError as error:
-                if job.cancelled.is_set():
+                if job.cancelled.is_set() or is_broken(error):
                     self.not_kept = ""
                     raise
                 if not self.not_kept:
