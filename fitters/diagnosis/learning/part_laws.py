@@ -20,9 +20,9 @@ from ...interface import UNCOMPUTABLE
 from ..hypotheses.hypothesis import Hypothesis, fitted
 from ..hypotheses.problem import Problem
 from .delays import Probe, changed_by
-from .drawn_corrections import drawn_law
-from .law_fits import LearnedCorrection, Made, best_fit, has_already, law_candidate, left_by, weighed
+from .law_fits import LearnedCorrection, Made, has_already, law_candidate, left_by
 from .places import all_places
+from .plain_laws import from_plain
 from .sharp import SharpCorrection, as_real, beside_constants, orthonormal, without_twins
 
 _SMALL = 0.01
@@ -60,7 +60,7 @@ def part_laws(
             found[key] = made
     best = sorted(found.values(), key=lambda one: left_by(one[2]))[:_FITTED]
     better = [one for one in best if left_by(one[2]) < left_by(residual)]
-    return tuple(law for one in better for law in _from_plain(problem, parent, one))
+    return tuple(law for one in better for law in from_plain(problem, parent, one))
 
 
 def _starts(residual: Hypothesis, place: Place, steps: tuple[str, ...], law: Law) -> list[SharpCorrection]:
@@ -100,14 +100,3 @@ def _plain(problem: Problem, parent: Hypothesis, residual: Hypothesis, start: Sh
     except UNCOMPUTABLE:
         return None
     return effect, one, made
-
-
-def _from_plain(problem: Problem, parent: Hypothesis, found: Made) -> tuple[LearnedCorrection, ...]:
-    effect, one, plain = found
-    best = best_fit(problem, parent, one, [(plain.values, {})], (parent.fit.sizes, ErrorSizes()))
-    if best is None:
-        return ()
-    try:
-        return weighed(drawn_law(effect, one, best), [(effect, one, best)])
-    except UNCOMPUTABLE:
-        return ()

@@ -47,7 +47,7 @@ def plainly_better_laws(
         found.append((left_by(made), (effect, one, made)))
     best = sorted(found, key=lambda one: one[0])[:_ROUGHLY]
     better = [one for left, one in best if left < left_by(residual)]
-    return tuple(law for one in better for law in _from_plain(problem, parent, one))
+    return tuple(law for one in better for law in from_plain(problem, parent, one))
 
 
 def _forms(problem: Problem) -> list[tuple[Place, tuple[str, ...], Law]]:
@@ -64,7 +64,8 @@ def _middle(knob: EffectParameter) -> float:
     return knob.expected[0] if knob.from_nothing else knob.null
 
 
-def _from_plain(problem: Problem, parent: Hypothesis, found: Made) -> tuple[LearnedCorrection, ...]:
+def from_plain(problem: Problem, parent: Hypothesis, found: Made) -> tuple[LearnedCorrection, ...]:
+    """Return a law fitted by marginal likelihood from where plain least squares ended; none if that fails."""
     effect, one, plain = found
     best = best_fit(problem, parent, one, [(plain.values, {})], (parent.fit.sizes, ErrorSizes()))
     if best is None:
