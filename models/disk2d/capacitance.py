@@ -180,11 +180,13 @@ class SolvedDisk:
         forms, charges = zip(*(one.on_faces() for one in self._parts), strict=True)
         return FaceMotion(np.concatenate(forms, 1), np.concatenate(charges, 1), self._parts[0].band.disk.waves)
 
+    @cached_property
+    def _form(self) -> Complexes:
+        return self.faces.form(self.shape, self.constants, self.frequency, self.on_faces)
+
     def with_faces(self, faces: Faces) -> Complexes:
         """Return the capacitance with slightly different faces less that with these, F, (N,), to first order."""
-        before, after = (
-            one.form(self.shape, self.constants, self.frequency, self.on_faces) for one in (self.faces, faces)
-        )
+        before, after = self._form, faces.form(self.shape, self.constants, self.frequency, self.on_faces)
         thinner = math.log(faces.live(self.shape).thickness / self.faces.live(self.shape).thickness)
         by_thickness = self._of_live.by_log_thickness * thinner if thinner else 0.0
         return -4 * np.pi * (after - before) + by_thickness
