@@ -27,7 +27,7 @@ from ..hypotheses.hypothesis import Hypothesis, beside, coarseness
 from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
 from .fitted_hypotheses import FittedHypotheses
-from .local_errors import with_local_errors, without_strong_lines
+from .local_errors import with_local_errors
 from .plan import Plan
 from .screening import ScreenedCandidate, resembling, screened
 
@@ -103,18 +103,12 @@ class GreedySearch(FittedHypotheses):
             self.take(one)
 
     def account_for_local_errors(self) -> None:
-        """Make the local errors that the best hypothesis leaves part of the error model of all hypotheses.
-
-        A line that the fit makes stronger than such lines are is no error: it is left for an effect to explain.
-        """
+        """Make the local errors that the best hypothesis leaves part of the error model of all hypotheses."""
         problem = with_local_errors(self.problem, self.best)
         if problem is self.problem:
             return
         self.progress(f"accounting for {len(problem.local)} weak resonances or switches of the range")
         self.fit_again(problem)
-        usual = without_strong_lines(problem, self.best)
-        if usual is not problem:
-            self.fit_again(usual)
 
     def substitute(self, one: Hypothesis) -> None:
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it.
