@@ -138,7 +138,7 @@ def _most_certain(search: GreedySearch, certainties: Certainties) -> tuple[Hypot
     certain = [sum(one.of_class - NAMED for one in sure.values()) for _, sure in ends]
     as_certain = [end for end, own in zip(ends, certain, strict=True) if own > max(certain) - TOLD]
     there, sure = min(as_certain, key=lambda end: search.probable.index(end[0]))
-    final = _most_probable_alike(search, there, sure)
+    final = _most_probable_alike(certainties, there, sure)
     return final, sure if final is there else certainties.of(final)
 
 
@@ -160,16 +160,17 @@ def _at_its_places(search: GreedySearch, one: Hypothesis) -> Hypothesis:
     return next(own for own in search.probable if sorted(effect.effect.name for effect in own.effects) == names)
 
 
-def _most_probable_alike(search: GreedySearch, one: Hypothesis, sure: Mapping[Candidate, Certainty]) -> Hypothesis:
+def _most_probable_alike(certainties: Certainties, one: Hypothesis, sure: Mapping[Candidate, Certainty]) -> Hypothesis:
     """Return the hypothesis with those of its effects and of their look-alikes that are most probably present.
 
     Where no kind of an effect is more probable than not, all of them count for it: a lead that may be a cable.
     """
+    search = certainties.search
     choices = product(*((effect, *sure[effect].alike) for effect in one.effects))
     keys = [key for choice in choices if (key := frozenset(choice)) in search.found and len(key) == len(one.key)]
     effects = {effect.effect.name: effect.effect for key in keys for effect in key}
-    vague = [own for name, own in effects.items() if search.inclusion({name}) < NAMED]
-    present = {name: search.inclusion({name, *kinds_of(name, vague)}) for name in effects}
+    vague = [own for name, own in effects.items() if certainties.present({name}) < NAMED]
+    present = {name: certainties.present({name, *kinds_of(name, vague)}) for name in effects}
     return search.found[max(keys, key=lambda key: sum(present[effect.effect.name] for effect in key))]
 
 

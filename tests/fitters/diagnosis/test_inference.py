@@ -109,10 +109,11 @@ def test_a_lead_that_may_be_a_short_cable_is_a_lead(lead: float, cable: float, t
     }
     found = {frozenset({one}): SimpleNamespace(effects=(one,), key=frozenset({one})) for one in candidates.values()}
     probable = {"lead-inductance": lead, "cable": cable}
-    search = SimpleNamespace(found=found, inclusion=lambda names: sum(probable.get(name, 0.0) for name in names))
+    search = SimpleNamespace(found=found)
+    certainties = SimpleNamespace(search=search, present=lambda names: sum(probable.get(name, 0.0) for name in names))
     first = next(iter(found.values()))
     sure = {first.effects[0]: Certainty(lead, lead + cable, frozenset(candidates.values()) - first.key)}
-    (named,) = conclusion._most_probable_alike(search, first, sure).effects
+    (named,) = conclusion._most_probable_alike(certainties, first, sure).effects
     assert named.effect.name == told
 
 
