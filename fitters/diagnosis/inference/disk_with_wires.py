@@ -103,10 +103,9 @@ def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], No
     joint = _attempt(task, NEAR, jobs, partial(_together, stack_of(disk.build, disk.build.step(disk.step))))
     if joint is None:
         return near
-    base, found = _without(joint, [name for name, _, _ in _TOGETHER]), joint.descent.objective.coordinates
-    values, _ = found.forward(joint.descent.x)
-    sizes = {name: value for name, value in values.items() if "@" in name}
-    return _better(with_terminals(alone or with_effects(base, Outside()), base, progress, jobs, sizes), near)
+    base = _without(joint, [name for name, _, _ in _TOGETHER])
+    found, _ = joint.descent.objective.coordinates.forward(joint.descent.x)
+    return _better(with_terminals(alone or with_effects(base, Outside()), base, progress, jobs, found), near)
 
 
 def wide_disk_with_wires(
@@ -185,7 +184,7 @@ def with_terminals(
     """Return the disk with effects at its terminals and in its laws of losses, from which a search can begin.
 
     The effect of largest gain comes first. A search that starts from the disk alone does not find them: its constants
-    have gone far to imitate them. Trials start from the constants of `base`, and from these `sizes` if they have them.
+    have gone far to imitate them. Trials start from the constants of `base`, and with what `sizes` has of an effect.
     """
     few, taken, values = thinner(base), tuple[Candidate, ...](), dict[str, float]()
     before, starts = chi2_alone(thinner(alone)), _STARTS if base is alone else _NEAR_STARTS

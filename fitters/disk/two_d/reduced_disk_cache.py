@@ -18,7 +18,7 @@ from ....models.disk2d.reduced import ReducedDisk
 from ....models.disk2d.training import trained
 from ...data_folder import chosen_folder
 
-_Disk = TypeVar("_Disk")
+_Disk = TypeVar("_Disk", ReducedDisk, LoadableDisk)
 _VERSION = 6
 _GRID = 0.01
 # D/t is rounded to 1 %; the basis is trained for ratios within +-2 %, and used with the disk's own sizes.
@@ -55,26 +55,28 @@ def loadable_disk(
 ) -> LoadableDisk:
     """Return the reduced disk whose faces can be loaded, from the cache if possible; parameters as `reduced_disk`."""
     step, edge, ratio, electrode = _rounded(diameter_to_thickness, electrode)
-    file = cache_folder() / f"disk2d-faces-{_VERSION}-{step}-{edge}.npz"
-    known = _read(file, LoadableDisk.from_arrays)
-    if known is not None:
-        return known
     said = _told(progress, f"reduced model with loaded faces for D/t {ratio:.3g}")
-    loadable = trained_for_loads(ratio, said, electrode)
-    _write(file, loadable.arrays())
-    return loadable
+    name = f"disk2d-faces-{_VERSION}-{step}-{edge}"
+    return _cached(name, LoadableDisk.from_arrays, lambda: trained_for_loads(ratio, said, electrode))
 
 
 def odd_disk(diameter_to_thickness: float, progress: Callable[[str], None]) -> ReducedDisk:
     """Return the reduced disk of antisymmetric motion, from the cache if possible; as `reduced_disk`."""
     step, edge, ratio, _ = _rounded(diameter_to_thickness, 1.0)
-    file = cache_folder() / f"disk2d-odd-{_VERSION}-{step}-{edge}.npz"
-    known = _read(file, ReducedDisk.from_arrays)
+    said = _told(progress, f"reduced model with unlike faces for D/t {ratio:.3g}")
+    name = f"disk2d-odd-{_VERSION}-{step}-{edge}"
+    return _cached(name, ReducedDisk.from_arrays, lambda: trained_odd(ratio, said))
+
+
+def _cached(name: str, made_of: Callable[[Mapping[str, Reals]], _Disk], train: Callable[[], _Disk]) -> _Disk:
+    """Return the disk of a file in the cache; it is trained and kept there if there is none."""
+    file = cache_folder() / f"{name}.npz"
+    known = _read(file, made_of)
     if known is not None:
         return known
-    odd = trained_odd(ratio, _told(progress, f"reduced model with unlike faces for D/t {ratio:.3g}"))
-    _write(file, odd.arrays())
-    return odd
+    made = train()
+    _write(file, made.arrays())
+    return made
 
 
 def _rounded(diameter_to_thickness: float, electrode: float) -> tuple[int, int, float, float]:
