@@ -13,6 +13,8 @@ from ..disk.two_d.disk2d import Disk2DFitter
 from ..engine.fitted_model import Diagnosable, FittedModel
 from ..error_model.uncertainty_sources import taken_up
 from ..interface import Curve, FitError, FitTask, TaskError
+from ..layered.two_d.stack2d import Stack2DFitter
+from ..layered.two_d.stack_under_diagnosis import StackUnderDiagnosis
 from ..plugins import DEFAULT, load_fitter
 from ..uncertainty.fit_result import curves_of
 from ..user_effects import every_effect
@@ -30,6 +32,7 @@ from .inference.averaged_constants import averaged_constants
 from .inference.conclusion import Conclusion, NamedEffect, conclude
 from .inference.data_findings import POLARITY, of_the_data, verdict_with, where_disturbed
 from .inference.effect_size import constants_of, parameters_of
+from .inference.glued_steps import curves_at_every_point, glued_model, together
 from .inference.stated_effects import stated
 from .inference.undetectable import not_decidable
 from .learning.drawn_corrections import PlacedCorrection
@@ -140,8 +143,8 @@ def _posed(bare: Problem, wanted: _Wanted) -> tuple[Problem, tuple[Candidate, ..
 def _search(problem: Problem, choice: tuple[Candidate, ...], wanted: _Wanted) -> GreedySearch:
     """Return the search for effects, which begins with those that the model was fitted with."""
     given = problem.model.seeds if isinstance(problem.model, FittedModel) else ()
-    everywhere = [one for one in choice if one.steps == problem.steps]
-    found = [(tuple(one for one in everywhere if (one.effect.name, one.where) in s.names), s.values) for s in given]
+    widest = {(one.effect.name, one.where): one for one in sorted(choice, key=lambda one: len(one.steps))}.values()
+    found = [(tuple(one for one in widest if (one.effect.name, one.where) in s.names), s.values) for s in given]
     seeds = tuple((effects, values) for effects, values in found if effects)
     return GreedySearch(problem, (*choice, *flaws(problem)), seeds, progress=wanted.progress, jobs=wanted.jobs)
 
@@ -171,22 +174,25 @@ class _FiniteDiameter:
         return as_refit(self.problem, self.bare)
 
     def before_all_else(self) -> lateral.FiniteDisk | None:
-        """Return the disk if a plate leaves so much, and the disk so little, that no plate needs to be looked for."""
-        null, wanted = self.null, self.wanted
-        if not lateral.shows_early(self.task, null) or self._an_effect_may_do():
+        """Return the disk if a plate leaves so much, and the disk so little, that no plate needs to be looked for.
+
+        By the bare disk's own recordings: in a joint fit what is wrong with the glue spreads to the disk's residual.
+        """
+        alone, wanted = lateral.bare_alone(self.task), self.wanted
+        if alone is None:
             return None
-        made = lateral.tried(self.task, null, None, wanted.progress, wanted.jobs)
+        problem, search, bare = self.problem, self.search, self.bare
+        if len(alone.sweeps) < len(self.task.sweeps):
+            problem, choice = _posed(Problem.posed(alone, wanted.progress, None, wanted.hold_out), wanted)
+            search = _search(problem, choice, wanted)
+            bare = search.begin()
+        null = as_refit(problem, bare)
+        if not lateral.shows_early(alone, null) or _an_effect_may_do(search, bare):
+            return None
+        made = lateral.tried(alone, null, None, wanted.progress, wanted.jobs)
         self._tried = (made,)
         sure = made is not None and lateral.leaves_no_other(made, null)
-        return lateral.finite(made, self.task, null, null) if made is not None and sure else None
-
-    def _an_effect_may_do(self) -> bool:
-        """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's.
-
-        But a resonance does, where the band is so narrow that it shows one overtone of a rim.
-        """
-        others = [one for one in self.search.candidates if one.effect.name != lateral.NAME and not one.resonates]
-        return bool(explaining_most(self.problem, self.bare, others, self.wanted.jobs))
+        return lateral.finite(made, alone, null, null) if made is not None and sure else None
 
     def beside(self, final: Hypothesis) -> lateral.FiniteDisk | None:
         """Return the disk if it is more probable than the best plate."""
@@ -210,8 +216,11 @@ class _FiniteDiameter:
             possible = (one for one in search.candidates if one in begun or one.effect.of_laws)
             search = replace(search, candidates=tuple(possible))
         search.run()
-        modelled = replace(wanted, learn=False, others={}, fitter=Disk2DFitter())
-        said = _told(search, choice, conclude(search), gated, modelled, began)
+        modelled, found = replace(wanted, learn=False, others={}, fitter=Disk2DFitter()), conclude(search)
+        said = _told(search, choice, found, gated, modelled, began)
+        glued = glued_model(self.task, wide.tried, problem, found.final, wanted.progress)
+        if glued is not None:
+            said = together(said, self._of_glued(glued, gated, began))
         held = held_out_chi2(self.problem, null)
         rim = lateral.finding_of(wide, null, held, said.final)
         findings = [*(one for one in said.findings if not _of_the_disk(one)), rim]
@@ -227,6 +236,31 @@ class _FiniteDiameter:
             before=before,
             after=lateral.curves(said.after, before),
         )
+
+    def _of_glued(self, glued: StackUnderDiagnosis, gated: Gated, began: float) -> Diagnosis:
+        """Return the diagnosis of the glued steps, on the disk that is known.
+
+        Much is left where a bond is open: only what promises to explain most of it is tried then.
+        """
+        wanted = replace(self.wanted, learn=False, others={}, fitter=Stack2DFitter())
+        problem, choice = _posed(Problem.of_model(glued, wanted.hold_out), wanted)
+        search = _search(problem, choice, wanted)
+        begun = {one for effects, _ in search.seeds for one in effects}
+        promising = set(explaining_most(problem, search.begin(), search.candidates, wanted.jobs))
+        search = replace(search, candidates=tuple(one for one in search.candidates if one in begun | promising))
+        search.run()
+        found = conclude(search)
+        said = _told(search, choice, found, gated, wanted, began)
+        return replace(said, after=curves_at_every_point(self.task, problem, found.final))
+
+
+def _an_effect_may_do(search: GreedySearch, bare: Hypothesis) -> bool:
+    """Return whether some effect promises to explain most of the plate's misfit, as none does of a rim's.
+
+    But a resonance does, where the band is so narrow that it shows one overtone of a rim.
+    """
+    others = [one for one in search.candidates if one.effect.name != lateral.NAME and not one.resonates]
+    return bool(explaining_most(search.problem, bare, others, search.jobs))
 
 
 def _of_the_disk(one: Finding) -> bool:

@@ -1,4 +1,4 @@
-"""What may lie on a face of a device: an effect says it, and a model that has faces says what it does."""
+"""What may lie on or between the faces of a device's parts: an effect says it, and a model says what it does."""
 
 import math
 from collections.abc import Sequence
@@ -104,8 +104,18 @@ class DeadLayer:
     """Over eps33S of the live ceramic."""
 
 
-Load: TypeAlias = Dot | Coat | DeadLayer
-"""What may lie on a face or under it."""
+@dataclass(frozen=True)
+class OpenBond:
+    """Part of a bond between two layers that transmits no stress, round and in the middle."""
+
+    fraction: float
+    """Part of the area, 0 to 1."""
+    instead_of: str = ""
+    """The layer of glue that is missing there, if one is: a pocket of air takes its place."""
+
+
+Load: TypeAlias = Dot | Coat | DeadLayer | OpenBond
+"""What may lie on a face, under it, or where two faces should touch."""
 
 
 @runtime_checkable
@@ -113,7 +123,7 @@ class HasFaces(Protocol):
     """A model that is no stack, with faces on which something may lie."""
 
     def faces_for(self, load: type[Load]) -> Sequence[str]:
-        """Return the places that differ from each other: `face:front`, for what is in the ceramic `layer:NAME`.
+        """Return the places that differ from each other: `face:front`, `interface:A|B`, in the ceramic `layer:NAME`.
 
         None if the model cannot have such a load.
         """

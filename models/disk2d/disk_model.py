@@ -126,11 +126,12 @@ class Disk2D:
             raise DiskError(f"disk {self.name!r}: no {said} can lie on {where!r} of this model")
         if isinstance(load, DeadLayer):
             return replace(self, faces=self.faces.with_load(load))
-        damped = replace(load, damping=self.damping)
-        if isinstance(damped, Coat):
-            return replace(self, faces=self.faces.with_load(damped))
+        if isinstance(load, Coat):
+            return replace(self, faces=self.faces.with_load(replace(load, damping=self.damping)))
+        if not isinstance(load, Dot):
+            raise TypeError(f"{type(load).__name__} is no load of a disk")
         others = tuple(one for one in self.dots if one.where != where)
-        return replace(self, dots=(*others, PlacedDot(where, damped)))
+        return replace(self, dots=(*others, PlacedDot(where, replace(load, damping=self.damping))))
 
     def over(self, frequency: Frequencies) -> Complexes:
         """Return the ten constants at each frequency in Hz, SI units, shape (N, 10)."""

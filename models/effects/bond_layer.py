@@ -35,7 +35,7 @@ class BondLayer(Effect):
 
     def looked_for(self, stack: Stack) -> tuple[str, ...]:
         """Return the interfaces, but none to a layer of glue: another one there would only make it thicker."""
-        glue = {layer.name for layer in stack.layers if isinstance(layer, Elastic) and _acts_as_glue(layer, stack)}
+        glue = {layer.name for layer in stack.layers if isinstance(layer, Elastic) and acts_as_glue(layer, stack)}
         return tuple(where for where in interfaces(stack) if not glue & set(interface_at(where)))
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
@@ -55,7 +55,8 @@ class BondLayer(Effect):
         return assembly.each_stack(lambda stack: with_layer_between(stack, where, bond))
 
 
-def _acts_as_glue(layer: Elastic, stack: Stack) -> bool:
+def acts_as_glue(layer: Elastic, stack: Stack) -> bool:
+    """Return whether a layer is as soft and thin as glue."""
     return layer.z < SOFT and layer.thickness < _THIN * layer.c / resonance(stack)
 
 

@@ -5,25 +5,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..stack import AIR, Piezo, Spring, Stack
+from ..base.face_loads import HasFaces, OpenBond
+from ..base.model import Model
+from ..stack import AIR, Elastic, Piezo, Spring, Stack
 from .base.added_layer import with_layer_between
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage, interface_at, interfaces
 from .base.scale import acoustic_impedance, resonance
+from .bond_layer import acts_as_glue
 
 _HOLDS = 0.3
 """Spring of the rim while there is none."""
 _SCAN = (0.1, 0.4, 1.5)
 """Start values: each lets the rim resonate at a frequency of its own."""
+_OPEN = (0.02, 0.06, 0.15, 0.35)
+"""Start values of the open part: the plate over it resonates at a frequency of its own."""
 _Q = 10.0
 """Quality factor of the rim's spring: glue that has not set well, or was torn."""
 
 
 class BondVoid(Effect):
-    """Y = (1 - phi - rim) Y(bonded) + phi Y(free) + rim Y(weakly bonded): the free resonance reappears, weakly."""
+    """Y = (1 - phi - rim) Y(bonded) + phi Y(free) + rim Y(weakly bonded): the free resonance reappears, weakly.
+
+    In a stack of finite diameter the opening is round and in the middle, both sides of it bend at its edge, and where
+    there is a layer of glue, air is in its place.
+    """
 
     name = "bond-void"
     stage = Stage.VOIDS
+    lies_on_faces = OpenBond
     says = "Part of the bond at {where} transmits no stress: an air pocket, or it has come off."
     separates = "examine the bond with an acoustic microscope, or press the parts together while sweeping"
     references = (
@@ -49,11 +59,18 @@ class BondVoid(Effect):
             EffectParameter("hold", "1", typical=0.1, lower=0.02, upper=5.0, null=_HOLDS, scan=_SCAN, varies=True),
         )
 
+    def parameters_in(self, model: Model, nominal: Stack, where: str) -> tuple[EffectParameter, ...]:
+        """Return the same; the edge of an opening in a stack of finite diameter needs no spring that holds it."""
+        plate = self.effect_parameters(nominal, where)
+        return plate if not isinstance(model, HasFaces) else (replace(plate[0], scan=_OPEN),)
+
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the bonded, the free and the weakly bonded part of the face in parallel."""
         fraction, interface = values["fraction"], _interface(assembly.nominal, where)
         if fraction <= 0:
             return assembly
+        if not assembly.parts:
+            return assembly.on_face(interface, OpenBond(fraction, _glue_at(assembly.nominal, interface)))
         rim = min(fraction * values.get("rim", 0.0), 1 - fraction)
         unit = 2 * np.pi * resonance(assembly.nominal) * acoustic_impedance(assembly.nominal)
         spring = Spring(f"rim-{where.partition(':')[2]}", values.get("hold", _HOLDS) * unit, _Q)
@@ -94,6 +111,13 @@ def _interface(stack: Stack, where: str) -> str:
     first = next(at for at, layer in enumerate(stack.layers) if isinstance(layer, Piezo))
     behind, before = (names[k - 1], names[k]) if first < k else (names[k], names[k + 1])
     return f"interface:{behind}|{before}"
+
+
+def _glue_at(stack: Stack, where: str) -> str:
+    """Return the name of the layer of glue at an interface, between two others; empty if there is none."""
+    inner = stack.layers[1:-1]
+    glue = [one.name for one in inner if isinstance(one, Elastic) and acts_as_glue(one, stack)]
+    return next((name for name in interface_at(where) if name in glue), "")
 
 
 def _free(part: ParallelSection, where: str) -> ParallelSection:

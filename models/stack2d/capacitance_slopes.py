@@ -4,14 +4,16 @@ The integrals over r of products of two waves are closed (E. von Lommel, Math. A
 rim. Every derivative therefore follows from two matrices of second moments, and costs as much as a product of matrices.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
+from .opened import OpenedSection, OpenedWaves
 from .section import INERTIAL, LAYER_CONSTANTS, PERMITTIVITY, VISCOUS, CrossSection
-from .waves import Motion, Sizes, motion
+from .waves import Motion, Rim, Sizes, Waves, WholeMotion, motion
 
 _ALIKE = 1e-5
 # Relative difference of squared wave numbers below which two waves are integrated as one: the closed form cancels.
@@ -35,47 +37,78 @@ class StackCapacitance:
     """F, shape (F,)."""
 
 
+@dataclass(frozen=True, eq=False)
+class StackWaves:
+    """The waves of a stack at some frequencies, from which its capacitance follows."""
+
+    section: CrossSection
+    sizes: Sizes
+    apart: tuple[int, int] | None
+    """Indices of the layers that face each other where a bond may be open; None if none may."""
+    chunks: tuple[Waves | OpenedWaves, ...]
+
+    @classmethod
+    def of(
+        cls,
+        section: CrossSection,
+        sizes: Sizes,
+        values: Complexes,
+        frequency: Frequencies,
+        apart: tuple[int, int] | None = None,
+    ) -> Self:
+        """Return the waves for constants of shape (F, 11 L + 2), SI, at frequencies in Hz. Raises StackError."""
+        parts = [slice(start, start + _CHUNK) for start in range(0, frequency.size, _CHUNK)]
+        if apart is None:
+            return cls(section, sizes, None, tuple(Waves.of(section, sizes, values[at], frequency[at]) for at in parts))
+        opened = OpenedSection.of(section, apart)
+        made = tuple(OpenedWaves.of(opened, sizes, values[at], frequency[at]) for at in parts)
+        return cls(section, sizes, apart, made)
+
+    def capacitance(self, fraction: float = 0.0) -> Complexes:
+        """Return Y/(jw) in F, shape (F,), with this part of the bond open."""
+        return np.concatenate([one.capacitance for one in self._motions(fraction)])
+
+    def slopes(self, fraction: float = 0.0) -> StackCapacitance:
+        """Return the same with its derivatives by all constants and sizes; the opening keeps its part of the area."""
+        parts = [_slopes(self.section, self.sizes, one) for one in self._motions(fraction)]
+        return StackCapacitance(
+            np.concatenate([part.capacitance for part in parts]),
+            np.concatenate([part.by_constant for part in parts]),
+            np.concatenate([part.by_log_thickness for part in parts]),
+            np.concatenate([part.by_log_radius for part in parts]),
+        )
+
+    def _motions(self, fraction: float) -> Iterator[WholeMotion]:
+        for one in self.chunks:
+            if isinstance(one, Waves):
+                yield motion(one, self.sizes)
+            else:
+                yield one.motion(fraction) if fraction > 0 else motion(one.around, self.sizes)
+
+
 def capacitance(section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Complexes:
     """Return Y/(jw) in F, shape (F,), for constants of shape (F, 11 L + 2), SI. Raises StackError."""
-    made = np.empty(frequency.size, np.complex128)
-    for at in _chunks(frequency.size):
-        made[at] = motion(section, sizes, values[at], frequency[at]).capacitance
-    return made
+    return StackWaves.of(section, sizes, values, frequency).capacitance()
 
 
-def slopes(section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> StackCapacitance:
-    """Return the same with its derivatives by all constants and sizes. Raises StackError."""
-    parts = [
-        _slopes(section, sizes, motion(section, sizes, values[at], frequency[at])) for at in _chunks(frequency.size)
-    ]
-    return StackCapacitance(
-        np.concatenate([part.capacitance for part in parts]),
-        np.concatenate([part.by_constant for part in parts]),
-        np.concatenate([part.by_log_thickness for part in parts]),
-        np.concatenate([part.by_log_radius for part in parts]),
-    )
-
-
-def _chunks(count: int) -> list[slice]:
-    return [slice(start, start + _CHUNK) for start in range(0, count, _CHUNK)]
-
-
-def _slopes(section: CrossSection, sizes: Sizes, found: Motion) -> StackCapacitance:
-    count, moments = found.capacitance.size, _moments(found)
+def _slopes(section: CrossSection, sizes: Sizes, found: WholeMotion) -> StackCapacitance:
+    count = found.capacitance.size
     by_constant = np.zeros((count, section.layers * len(LAYER_CONSTANTS) + 2), np.complex128)
     by_thickness = np.zeros((count, section.layers), np.complex128)
     by_frequency = np.zeros(count, np.complex128)
-    for pair, block in section.blocks.items():
-        number, *shape = block.matrices.shape
-        flat = shape[0] * shape[1]
-        twice = 1.0 if pair[0] == pair[1] else 2.0
-        each = moments[pair].reshape(count, flat) @ block.matrices.reshape(number, flat).T
-        each *= -2 * np.pi * PERMITTIVITY * sizes.unit * twice
-        weighed = each * found.weights[pair]
-        for k, term in enumerate(block.terms):
-            by_constant[:, term.constant] += each[:, k] * found.factors[pair][:, k]
-            by_thickness[:, term.layer] += term.power * weighed[:, k]
-            by_frequency += _OF_FREQUENCY.get(term.frequency, 0.0) * weighed[:, k]
+    for part in found.parts:
+        moments = _moments(part)
+        for pair, block in part.section.blocks.items():
+            number, *shape = block.matrices.shape
+            flat = shape[0] * shape[1]
+            twice = 1.0 if pair[0] == pair[1] else 2.0
+            each = moments[pair].reshape(count, flat) @ block.matrices.reshape(number, flat).T
+            each *= -2 * np.pi * PERMITTIVITY * sizes.unit * twice
+            weighed = each * part.weights[pair]
+            for k, term in enumerate(block.terms):
+                by_constant[:, term.constant] += each[:, k] * part.factors[pair][:, k]
+                by_thickness[:, term.layer] += term.power * weighed[:, k]
+                by_frequency += _OF_FREQUENCY.get(term.frequency, 0.0) * weighed[:, k]
     # C is of the dimension of a length: the same constants at all sizes times s and frequency over s give s C
     by_radius = found.capacitance - by_thickness.sum(axis=1) + by_frequency
     return StackCapacitance(found.capacitance, by_constant, by_thickness, by_radius)
@@ -105,30 +138,41 @@ def _moments(found: Motion) -> Mapping[tuple[str, str], Complexes]:
             by_right = fields[left] @ integrals
             for right in names[n:]:
                 made[left, right] = by_right @ np.swapaxes(fields[right], 1, 2)
-    rim = np.einsum("fun,fn->fu", U, found.J1)
-    made["rim", "rim"] = rim[:, :, None] * rim[:, None, :]
+    at_rim = np.einsum("fun,fn->fu", U, found.outer.one)
+    rim = at_rim[:, :, None] * at_rim[:, None, :]
+    if found.inner is not None:
+        at_rim = np.einsum("fun,fn->fu", U, found.inner.one)
+        rim = rim - at_rim[:, :, None] * at_rim[:, None, :]
+    made["rim", "rim"] = rim
     return made
 
 
 def _integrals(found: Motion) -> tuple[Complexes, Complexes]:
-    """Return the integrals of r J0 J0 over waves, the plate of infinite width first, and of r J1 J1 over waves.
+    """Return the integrals of r C0 C0 over waves, the plate of infinite width first, and of r C1 C1 over waves.
 
-    Shapes (F, N + 1, N + 1) and (F, N, N).
+    C: cylinder functions of any kind. Shapes (F, N + 1, N + 1) and (F, N, N).
     """
-    k, J0, J1, a = found.k, found.J0, found.J1, found.radius
-    K, count = np.swapaxes(k[:, None], 1, 2), k.shape[1]
+    outer = _up_to(found.k, found.outer)
+    if found.inner is None:
+        return outer
+    inner = _up_to(found.k, found.inner)
+    return outer[0] - inner[0], outer[1] - inner[1]
+
+
+def _up_to(k: Complexes, rim: Rim) -> tuple[Complexes, Complexes]:
+    """Return the antiderivatives at a rim."""
+    a, count = rim.radius, k.shape[1]
+    K, left, right = k[:, :, None], (rim.zero[:, :, None], rim.one[:, :, None]), (rim.zero[:, None], rim.one[:, None])
     apart = K**2 - k[:, None] ** 2
     alike = np.abs(apart) < _ALIKE * (np.abs(K) ** 2 + np.abs(k[:, None]) ** 2)
     apart[alike] = 1.0
-    j0, j1 = J0[:, :, None], J1[:, :, None]
-    zero = a * (K * j1 * J0[:, None] - k[:, None] * j0 * J1[:, None]) / apart
-    one = a * (k[:, None] * j1 * J0[:, None] - K * j0 * J1[:, None]) / apart
-    own = a**2 / 2 * (J0**2 + J1**2)
-    bent = own - a * J0 * J1 / k
-    zero[alike] = ((own[:, :, None] + own[:, None]) / 2)[alike]
-    one[alike] = ((bent[:, :, None] + bent[:, None]) / 2)[alike]
+    zero = a * (K * left[1] * right[0] - k[:, None] * left[0] * right[1]) / apart
+    one = a * (k[:, None] * left[1] * right[0] - K * left[0] * right[1]) / apart
+    own = a**2 / 2 * (left[0] * right[0] + left[1] * right[1])
+    bent = own - a * (left[0] * right[1] + left[1] * right[0]) / (K + k[:, None])
+    zero[alike], one[alike] = own[alike], bent[alike]
     whole = np.empty((k.shape[0], count + 1, count + 1), np.complex128)
     whole[:, 0, 0] = a**2 / 2
-    whole[:, 1:, 0] = whole[:, 0, 1:] = a * J1 / k
+    whole[:, 1:, 0] = whole[:, 0, 1:] = a * rim.one / k
     whole[:, 1:, 1:] = zero
     return whole, one

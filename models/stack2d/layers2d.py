@@ -1,7 +1,7 @@
 """The layers of a stack in two dimensions: a poled ceramic, and isotropic viscoelastic layers."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,7 +11,7 @@ from ..base.arrays import Complexes, Frequencies, Reals
 from ..constants.causal import continued
 from ..constants.tensor import Tensor6mm
 from ..disk2d.matrices import CONSTANTS
-from ..stack.loss_laws import CONSTANT, LossLaw, StackError, require_positive
+from ..stack.loss_laws import CONSTANT, LawKind, LossLaw, StackError, require_positive
 from .section import LAYER_CONSTANTS
 
 _MARGIN = 4
@@ -39,9 +39,24 @@ class Ceramic2D:
     """kg/m3."""
     law: LossLaw = CONSTANT
     """Continuation of each constant to other frequencies."""
+    elastic: LossLaw | None = None
+    """The same for the five stiffnesses, if they have another law."""
+    dielectric: LossLaw | None = None
+    """The same for both permittivities."""
 
     def __post_init__(self) -> None:
         require_positive(f"layer {self.name!r}", thickness=self.thickness, density=self.density)
+
+    def law_of(self, constant: str) -> LossLaw:
+        """Return the law of one of CONSTANTS."""
+        own = self.elastic if constant.startswith("c") else self.dielectric if constant.startswith("eps") else None
+        return own or self.law
+
+    def with_law(self, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
+        """Return the layer with the law of its stiffnesses or permittivities changed."""
+        if kind == "elastic":
+            return replace(self, elastic=change(self.elastic or self.law))
+        return replace(self, dielectric=change(self.dielectric or self.law))
 
     @property
     def shear_speed(self) -> float:
@@ -64,14 +79,14 @@ class Ceramic2D:
 
     def over(self, frequency: Frequencies) -> Complexes:
         """Return the LAYER_CONSTANTS at each frequency in Hz, shape (F, 11), SI."""
-        own = [continued(self.law, complex(getattr(self.constants, name)), frequency)[0] for name in CONSTANTS]
+        own = [continued(self.law_of(name), complex(getattr(self.constants, name)), frequency)[0] for name in CONSTANTS]
         return np.array([*own, np.full(frequency.size, complex(self.density))]).T
 
     def chain(self, frequency: Frequencies) -> Mapping[str, Complexes]:
         """Return d LAYER_CONSTANTS / d parameter, each of shape (F, 11), without the thickness."""
         made: dict[str, Complexes] = {}
         for k, name in enumerate(CONSTANTS):
-            _, own = continued(self.law, complex(getattr(self.constants, name)), frequency)
+            _, own = continued(self.law_of(name), complex(getattr(self.constants, name)), frequency)
             for part in ("re", "im"):
                 made[f"{name}.{part}"] = _column(k, own[part])
         return made | {"density": _column(len(CONSTANTS), np.ones(frequency.size, np.complex128))}
@@ -99,6 +114,10 @@ class Isotropic:
         require_positive(f"layer {self.name!r}", thickness=self.thickness, z=self.z, c=self.c, q=self.q)
         if not -1 < self.poisson < 0.5:
             raise StackError(f"layer {self.name!r}: Poisson's ratio is {self.poisson:g}; -1 to 0.5 is allowed")
+
+    def with_law(self, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
+        """Return the layer with the law of its moduli changed; it has no other."""
+        return replace(self, law=change(self.law)) if kind == "elastic" else self
 
     @property
     def shear_speed(self) -> float:

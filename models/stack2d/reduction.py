@@ -11,7 +11,7 @@ from scipy.special import jve
 from ..base.arrays import Complexes, Frequencies, Reals
 from .capacitance_slopes import capacitance
 from .section import STATIC, CrossSection
-from .waves import Motion, Sizes, motion
+from .waves import Motion, Sizes, Waves, motion
 
 KEPT = 5e-4
 """Singular values below this part of the largest are left out; the capacitance is stationary, its error far smaller."""
@@ -28,9 +28,10 @@ def reduced(
 
     `values`: constants, shape (F, 11 L + 2), SI. Raises StackError.
     """
-    found = motion(section, sizes, values, frequency)
+    whole = motion(Waves.of(section, sizes, values, frequency), sizes)
+    (found,) = whole.parts
     elastic_u, elastic_w, dielectric = _energies(section, found)
-    samples = _samples(found)
+    samples = _samples(found, whole.capacitance)
     u, size_u = _leading(samples["U"], elastic_u)
     w, size_w = _leading(samples["W"], elastic_w)
     p, size_p = _leading(samples["P"], dielectric)
@@ -45,13 +46,14 @@ def error(section: CrossSection, finer: CrossSection, sizes: Sizes, values: Comp
     return float(np.sqrt(np.mean(np.abs(ratio - 1) ** 2)))
 
 
-def _samples(found: Motion) -> dict[str, Complexes]:
+def _samples(found: Motion, capacitance: Complexes) -> dict[str, Complexes]:
     """Return the motion at places between axis and rim as columns, each weighted by the root of its area."""
-    ends = found.radius * np.cos(np.linspace(0, np.pi / 2, _PLACES + 1))
-    size = np.sqrt(np.abs(found.capacitance))[:, None]
+    radius = found.outer.radius
+    ends = radius * np.cos(np.linspace(0, np.pi / 2, _PLACES + 1))
+    size = np.sqrt(np.abs(capacitance))[:, None]
     columns: dict[str, list[Complexes]] = {"U": [], "W": [], "P": []}
     for outer, inner in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        grown = np.exp(np.abs(found.k.imag) * (outer - found.radius)) * np.sqrt(outer * (outer - inner))
+        grown = np.exp(np.abs(found.k.imag) * (outer - radius)) * np.sqrt(outer * (outer - inner))
         for name, order in (("U", 1), ("W", 0), ("P", 0)):
             along = np.asarray(jve(order, found.k * outer), np.complex128)
             there = np.einsum("fin,fn->fi", found.waves[name], along * grown)
@@ -64,7 +66,7 @@ def _samples(found: Motion) -> dict[str, Complexes]:
 
 def _energies(section: CrossSection, found: Motion) -> tuple[Reals, Reals, Reals]:
     """Return the energy of functions of u, w and q at the middle frequency, real symmetric positive."""
-    middle = found.capacitance.size // 2
+    middle = found.k.shape[0] // 2
 
     def static(left: str, right: str) -> Reals:
         block = section.blocks[left, right]

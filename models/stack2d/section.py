@@ -85,17 +85,21 @@ class CrossSection:
     blocks: Mapping[tuple[str, str], Block]
     shapes: Mapping[str, Reals]
     """Of `u`, `w`, `p`: functions as columns over the nodes of all layers, shapes (nz, n); of `p` the lift is first."""
-    layers: int
+    orders: tuple[int, ...]
+    """Degrees of the polynomials of all layers, back to front."""
+    piezo: int
+    """Index of the piezoelectric layer."""
 
     @classmethod
-    def of(cls, orders: Sequence[int], piezo: int) -> Self:
+    def of(cls, orders: Sequence[int], piezo: int, apart: tuple[int, int] | None = None) -> Self:
         """Return the section of layers, back to front, with polynomials of these degrees.
 
-        `piezo`: index of the piezoelectric layer, which has the electrodes on its faces.
+        `piezo`: index of the piezoelectric layer, which has the electrodes on its faces. `apart`: indices of two layers
+        that face each other without contact, if there are such; a layer between them is missing.
         """
-        ends = [0, *np.cumsum(orders).tolist()]
-        nodes = ends[-1] + 1
-        within = slice(ends[piezo], ends[piezo + 1] + 1)
+        ends = _ends(orders, apart)
+        nodes, start = _count(ends), (ends[piezo] or (0, 0))[0]
+        within = slice(start, start + orders[piezo] + 1)
         p = np.zeros((nodes, orders[piezo]))
         own = LineElements(np.array([0.0, 1.0]), orders[piezo])
         p[within, 0] = own.nodes
@@ -103,7 +107,12 @@ class CrossSection:
         eye = np.eye(nodes)
         blocks = {pair: _nodal(pair, orders, ends, piezo) for pair in PAIRS}
         shapes = {"u": eye, "w": eye, "p": p}
-        return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, len(orders))
+        return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, tuple(orders), piezo)
+
+    @property
+    def layers(self) -> int:
+        """Number of layers."""
+        return len(self.orders)
 
     def projected(self, shapes: Mapping[str, Reals]) -> Self:
         """Return the section over sums of its functions: columns of `shapes` for each of `u`, `w`, `q`."""
@@ -128,14 +137,35 @@ def _projected(blocks: Mapping[tuple[str, str], Block], shapes: Mapping[str, Rea
     }
 
 
-def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: list[int], piezo: int) -> Block:
+def _ends(orders: Sequence[int], apart: tuple[int, int] | None) -> list[tuple[int, int] | None]:
+    """Return the first and last node of each layer, None for one that is missing: neighbours share one."""
+    first, made = 0, list[tuple[int, int] | None]()
+    behind, ahead = apart or (len(orders), len(orders))
+    for layer, order in enumerate(orders):
+        if behind < layer < ahead:
+            made.append(None)
+            continue
+        first += layer == ahead
+        made.append((first, first + order))
+        first += order
+    return made
+
+
+def _count(ends: Sequence[tuple[int, int] | None]) -> int:
+    """Return the number of nodes."""
+    return max(own[1] for own in ends if own is not None) + 1
+
+
+def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: Sequence[tuple[int, int] | None], piezo: int) -> Block:
     """Return a block over the nodes of all layers."""
-    nodes = ends[-1] + 1
+    nodes = _count(ends)
     terms: list[FormTerm] = []
     matrices: list[Reals] = []
     for layer, order in enumerate(orders):
-        element = LineElements(np.array([0.0, 1.0]), order)
-        at = slice(ends[layer], ends[layer + 1] + 1)
+        element, own = LineElements(np.array([0.0, 1.0]), order), ends[layer]
+        if own is None:
+            continue
+        at = slice(own[0], own[1] + 1)
         for name, factor, first, second, frequency in _TERMS.get(pair, ()):
             constant = LAYER_CONSTANTS.index(name)
             if layer != piezo and name.startswith("e"):

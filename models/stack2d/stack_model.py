@@ -1,17 +1,21 @@
 """A glued stack of finite diameter, as a `Model` for the fitters."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Self, TypeAlias
 
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Impedances, j_omega
+from ..base.face_loads import Load, OpenBond
+from ..base.model import Model
 from ..base.names import require
-from ..stack.loss_laws import StackError, require_positive
-from .capacitance_slopes import capacitance, slopes
+from ..stack.loss_laws import LawKind, LossLaw, StackError, require_positive
+from .capacitance_slopes import StackCapacitance, StackWaves
 from .layers2d import Ceramic2D, Isotropic, order_of
+from .opened import Opening
 from .reduction import KEPT, error, reduced
 from .section import LAYER_CONSTANTS, CrossSection
 from .waves import Sizes
@@ -21,11 +25,13 @@ _FINER = 4
 # Degrees that a section has more in the estimate of the error of its degrees.
 _PLACES = 24
 # Frequencies whose motion is sampled for a reduced section.
+_CHORD, _SMALLEST = 1e-3, 0.01
+# Step of a derivative by the part of a bond that is open, relative to it, and where it is not open yet.
 
 
 @dataclass(frozen=True)
 class Stack2D:
-    """Round layers of one diameter, free at the rim, in two dimensions. Satisfies `Model`.
+    """Round layers of one diameter, free at the rim, in two dimensions. Satisfies `Model`, `HasLaws`, `HasFaces`.
 
     The loads act on the axial motion of the faces, as in one dimension: a force per area of -z times the velocity.
     """
@@ -40,6 +46,10 @@ class Stack2D:
     """Specific acoustic impedance behind, Rayl."""
     front: float = 0.0
     """The same in front."""
+    opening: Opening | None = None
+    """Where a bond is open, if one is."""
+    _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
+    """The last waves of this stack and of copies with other values."""
 
     def __post_init__(self) -> None:
         require_positive("stack", area=self.area)
@@ -76,9 +86,74 @@ class Stack2D:
         loads = np.broadcast_to(np.array([self.back, self.front], np.complex128), (frequency.size, 2))
         return np.hstack([*(layer.over(frequency) for layer in self.layers), loads])
 
+    def with_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
+        """Return the stack with one law of this layer changed; itself if it has no such layer. See `HasLaws`."""
+        return replace(self, layers=tuple(o.with_law(kind, change) if o.name == layer else o for o in self.layers))
+
+    def faces_for(self, load: type[Load]) -> tuple[str, ...]:
+        """Return the interfaces, at which a bond may be open; nothing else lies on its faces. See `HasFaces`."""
+        if load is not OpenBond:
+            return ()
+        return tuple(f"interface:{a.name}|{b.name}" for a, b in pairwise(self.layers))
+
+    def with_load(self, where: str, load: Load) -> Self:
+        """Return the stack with an open bond at this interface. Raises StackError; see `HasFaces`."""
+        if not isinstance(load, OpenBond) or where not in self.faces_for(OpenBond):
+            raise StackError(f"stack: a {type(load).__name__} at {where!r} is not in this model; bonds may be open")
+        behind = self.faces_for(OpenBond).index(where)
+        names = [layer.name for layer in self.layers]
+        apart = behind, behind + 1
+        if load.instead_of:
+            missing = names.index(load.instead_of)
+            apart = missing - 1, missing + 1
+        return replace(self, opening=Opening(apart, load.fraction))
+
+    def moved_by_laws(self, frequency: Frequencies, other: Model) -> Complexes:
+        """Return ln Z of a stack with slightly different laws less that of this one, to first order, shape (F,)."""
+        if not isinstance(other, Stack2D):
+            raise TypeError(f"{type(other).__name__} is no stack in two dimensions")
+        made = self._slopes(frequency)
+        return -np.sum(made.by_constant * (other.over(frequency) - self.over(frequency)), axis=1) / made.capacitance
+
+    def moved_by_loads(self, frequency: Frequencies, other: Model) -> Complexes:
+        """Return ln Z of a stack with a slightly larger opening less that of this one, to first order, shape (F,).
+
+        The first thousandths of the area change nothing to first order, so that there it is the slope of a chord.
+        """
+        if not isinstance(other, Stack2D):
+            raise TypeError(f"{type(other).__name__} is no stack in two dimensions")
+        if other.opening is None:
+            return np.zeros(frequency.size, np.complex128)
+        size = 0.0 if self.opening is None else self.opening.fraction
+        step = _CHORD * max(size, _SMALLEST) if size > 0 else _SMALLEST
+        waves = self._waves(frequency, other.opening.apart)
+        rate = np.log(waves.capacitance(size) / waves.capacitance(size + step)) / step
+        return np.asarray(rate * (other.opening.fraction - size), np.complex128)
+
     def capacitance(self, frequency: Frequencies) -> Complexes:
         """Return Y/(jw) in F, shape (F,), at frequencies in Hz, shape (F,)."""
-        return capacitance(self.section, self.sizes, self.over(frequency), frequency)
+        return self._waves(frequency).capacitance(*self._open)
+
+    def _slopes(self, frequency: Frequencies) -> StackCapacitance:
+        return self._waves(frequency).slopes(*self._open)
+
+    @property
+    def _open(self) -> tuple[float, ...]:
+        return () if self.opening is None else (self.opening.fraction,)
+
+    def _waves(self, frequency: Frequencies, apart: tuple[int, int] | None = None) -> StackWaves:
+        """Return the waves at these frequencies; of both sides where these layers, or those of the opening, are apart.
+
+        A fit asks for values, then for their derivatives, then for openings of other sizes.
+        """
+        apart = self.opening.apart if apart is None and self.opening is not None else apart
+        values = self.over(frequency)
+        for known in self._known:
+            if known.serves(self.section, self.sizes, apart, values, frequency):
+                return known.waves
+        made = StackWaves.of(self.section, self.sizes, values, frequency, apart)
+        self._known[:] = [_Known(made, values, frequency.copy())]
+        return made
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return Z in ohm, shape (F,), at frequencies in Hz, shape (F,)."""
@@ -87,7 +162,7 @@ class Stack2D:
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
         """Return Z in ohm, shape (F,), and d ln Z / d parameter, shape (P, F). Raises KeyError for an unknown name."""
         require(names, self.parameters(), "the stack")
-        found = slopes(self.section, self.sizes, self.over(frequency), frequency)
+        found = self._slopes(frequency)
         wide = len(LAYER_CONSTANTS)
         rows = {
             "area": found.by_log_radius / (2 * self.area),
@@ -101,6 +176,28 @@ class Stack2D:
                 rows[f"{layer.name}.{key}"] = np.einsum("fc,fc->f", own, chain)
         made = np.array([-rows[name] / found.capacitance for name in names], np.complex128)
         return 1 / (j_omega(frequency) * found.capacitance), made.reshape(len(names), frequency.size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """Waves, and what they are of."""
+
+    waves: StackWaves
+    values: Complexes
+    frequency: Frequencies
+
+    def serves(
+        self,
+        section: CrossSection,
+        sizes: Sizes,
+        apart: tuple[int, int] | None,
+        values: Complexes,
+        frequency: Frequencies,
+    ) -> bool:
+        """Return whether these are the waves of such a stack."""
+        own = self.waves
+        alike = own.section is section and own.sizes == sizes and own.apart == apart
+        return alike and np.array_equal(self.frequency, frequency) and np.array_equal(self.values, values)
 
 
 def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> CrossSection:

@@ -6,15 +6,20 @@ carries the volt. Their sum leaves the rim without force and charge: one linear 
 is that of finite elements in z with infinitely many along r, whatever the diameter.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Self, TypeAlias
 
 import numpy as np
-from scipy.special import jve
+from numpy.typing import NDArray
+from scipy.special import hankel1e, hankel2e, jve
 
 from ..base.arrays import Complexes, Frequencies
 from ..stack.loss_laws import StackError
 from .section import PAIRS, PERMITTIVITY, STIFFNESS, UNITS, CrossSection
+
+Side: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Functions of one side of an opening: indices among those of u, and among those of w and q together."""
 
 
 @dataclass(frozen=True)
@@ -33,27 +38,156 @@ class Sizes:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """The motion of a stack for one volt at some frequencies, in units of the computation."""
+class Rim:
+    """Cylinder functions of the waves at one radius, each wave scaled so that none overflows."""
 
-    capacitance: Complexes
-    """Y/(jw) in F, shape (F,)."""
+    radius: float
+    """Over the unit of length."""
+    zero: Complexes
+    """Of order 0, shape (F, N)."""
+    one: Complexes
+    """Of order 1."""
+
+    def beside(self, other: Self) -> Self:
+        """Return these functions followed by others of the same waves."""
+        zero, one = (
+            np.concatenate([own, its], axis=1) for own, its in ((self.zero, other.zero), (self.one, other.one))
+        )
+        return type(self)(self.radius, zero, one)
+
+
+@dataclass(frozen=True, eq=False)
+class Waves:
+    """The waves along r of a section, and the plate of infinite width, in units of the computation."""
+
+    section: CrossSection
     weights: Mapping[tuple[str, str], Complexes]
     """Weights of the terms of each block, shape (F, T)."""
     factors: Mapping[tuple[str, str], Complexes]
     """Weight of each term over the value of its constant, SI, shape (F, T)."""
+    made: Mapping[tuple[str, str], Complexes]
+    """The form over the section's functions, shapes (F, n, m)."""
     wide: Mapping[str, Complexes]
     """Functions of the plate of infinite width: `W`, `P`, shapes (F, n)."""
+    density: Complexes
+    """Its capacitance per area, shape (F,)."""
+    force: Complexes
+    """Its force on a rim, over the functions of u, shape (F, nu)."""
+    k: Complexes
+    """Wave numbers, shape (F, N)."""
+    U: Complexes
+    """Functions of z of the waves: u_r, shape (F, nu, N)."""
+    p: Complexes
+    """The same of u_z and the potential together, shape (F, nw + nq, N)."""
+
+    @classmethod
+    def of(
+        cls,
+        section: CrossSection,
+        sizes: Sizes,
+        values: Complexes,
+        frequency: Frequencies,
+        sides: Sequence[Side] | None = None,
+    ) -> Self:
+        """Return the waves at frequencies in Hz, shape (F,), for constants of shape (F, 11 L + 2), SI.
+
+        `sides`: functions that the form does not couple, if there are such: each side has waves of its own. Raises
+        StackError for constants that are not finite.
+        """
+        if not (np.all(np.isfinite(values)) and np.all(np.isfinite(sizes.thicknesses))):
+            raise StackError("stack: its constants are not all finite numbers")
+        factors = _factors(section, sizes, frequency)
+        weights = {
+            pair: factor * values[:, [term.constant for term in section.blocks[pair].terms]]
+            for pair, factor in factors.items()
+        }
+        made = {pair: section.blocks[pair].weighted(weights[pair]) for pair in PAIRS}
+        return cls(section, weights, factors, made, *_wide(made), *_waves(made, sides))
+
+    @property
+    def doubled(self) -> Self:
+        """The same waves twice, for two kinds of cylinder functions."""
+        twice = {
+            name: np.concatenate([one] * 2, axis=-1) for name, one in (("k", self.k), ("U", self.U), ("p", self.p))
+        }
+        return replace(self, **twice)
+
+    def with_amplitudes(self, amplitudes: Complexes, inner: Rim | None, outer: Rim) -> "Motion":
+        """Return the motion between two radii with amplitudes of shape (F, N)."""
+        nw, own = self.wide["W"].shape[1], amplitudes[:, None]
+        waves = {"U": self.U * own, "W": self.p[:, :nw] * own, "P": self.p[:, nw:] * own}
+        return Motion(self.section, self.weights, self.factors, self.wide, self.k, waves, inner, outer)
+
+    def stresses(self, rim: Rim) -> Complexes:
+        """Return force and charge of each wave on a rim, over the functions of u, w and q, shape (F, nu + nw + nq, N).
+
+        Over the radius, as the form is.
+        """
+        made, U, p, k = self.made, self.U, self.p, self.k
+        along0, along1 = _coupling(made)
+        P2 = _square(made["kW", "kW"], made["kW", "kP"], made["kP", "kP"])
+        radial = (made["E", "E"] @ (U * k[:, None]) + along0 @ p) * rim.zero[:, None]
+        radial += (made["rim", "rim"] @ U) * (rim.one / rim.radius)[:, None]
+        other = -(np.swapaxes(along1, 1, 2) @ U + P2 @ (p * k[:, None])) * rim.one[:, None]
+        return np.concatenate([radial, other], axis=1)
+
+    def displacements(self, rim: Rim) -> Complexes:
+        """Return the functions of u, w and q of each wave at a rim, shape (F, nu + nw + nq, N)."""
+        return np.concatenate([self.U * rim.one[:, None], self.p * rim.zero[:, None]], axis=1)
+
+    @property
+    def forces(self) -> Complexes:
+        """Forces of the plate of infinite width on a rim, over the functions of u, w and q, shape (F, nu + nw + nq)."""
+        return np.pad(self.force, ((0, 0), (0, self.p.shape[1])))
+
+    @property
+    def still(self) -> Complexes:
+        """Displacements and potential of the plate of infinite width, over the same functions."""
+        return np.concatenate([np.zeros_like(self.force), self.wide["W"], self.wide["P"][:, 1:]], axis=1)
+
+    def charge(self, motion: "Motion") -> Complexes:
+        """Return the charge on the electrode between the radii of a motion of these waves, shape (F,)."""
+        of_E, of_W, of_P = (self.made[name, "P"][:, :, 0] for name in ("E", "W", "P"))
+        wide, waves = motion.wide, motion.waves
+        still = np.einsum("fi,fi->f", of_W, wide["W"]) + np.einsum("fi,fi->f", of_P, wide["P"])
+        moving = np.einsum("fi,fin->fn", of_E, waves["U"]) * motion.k
+        moving += np.einsum("fi,fin->fn", of_W, waves["W"]) + np.einsum("fi,fin->fn", of_P[:, 1:], waves["P"])
+
+        def up_to(rim: Rim) -> Complexes:
+            return rim.radius**2 / 2 * still + np.einsum("fn,fn->f", moving, rim.radius * rim.one / motion.k)
+
+        whole = up_to(motion.outer)
+        return -2 * np.pi * (whole if motion.inner is None else whole - up_to(motion.inner))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The motion of a stack for one volt between two radii at some frequencies, in units of the computation."""
+
+    section: CrossSection
+    weights: Mapping[tuple[str, str], Complexes]
+    """As of `Waves`."""
+    factors: Mapping[tuple[str, str], Complexes]
+    """As of `Waves`."""
+    wide: Mapping[str, Complexes]
+    """As of `Waves`."""
     k: Complexes
     """Wave numbers, shape (F, N)."""
     waves: Mapping[str, Complexes]
     """Functions of the waves with their amplitudes: `U`, `W`, `P`, shapes (F, n, N)."""
-    J0: Complexes
-    """J0(k radius), shape (F, N), each wave scaled by exp(-|Im k radius|)."""
-    J1: Complexes
-    """J1 of the same."""
-    radius: float
-    """Radius over the unit of length."""
+    inner: Rim | None
+    """None at the axis."""
+    outer: Rim
+
+
+@dataclass(frozen=True, eq=False)
+class WholeMotion:
+    """The motion of a whole stack for one volt."""
+
+    capacitance: Complexes
+    """Y/(jw) in F, shape (F,)."""
+    parts: tuple[Motion, ...]
+    """From the axis outwards."""
 
 
 def _factors(section: CrossSection, sizes: Sizes, frequency: Frequencies) -> dict[tuple[str, str], Complexes]:
@@ -71,32 +205,28 @@ def _factors(section: CrossSection, sizes: Sizes, frequency: Frequencies) -> dic
     return factors
 
 
-def motion(section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Motion:
-    """Return the motion at frequencies in Hz, shape (F,), for constants of shape (F, 11 L + 2), SI.
-
-    Raises StackError for constants that are not finite.
-    """
-    if not (np.all(np.isfinite(values)) and np.all(np.isfinite(sizes.thicknesses))):
-        raise StackError("stack: its constants are not all finite numbers")
-    factors = _factors(section, sizes, frequency)
-    weights = {
-        pair: factor * values[:, [term.constant for term in section.blocks[pair].terms]]
-        for pair, factor in factors.items()
-    }
-    made = {pair: section.blocks[pair].weighted(weights[pair]) for pair in PAIRS}
-    wide, density, force = _wide(made)
-    k, U, p = _waves(made)
+def motion(own: Waves, sizes: Sizes) -> WholeMotion:
+    """Return the motion of a stack with these waves, free at its rim, for one volt."""
     a = sizes.radius / sizes.unit
-    J0, J1 = jve(0, k * a), jve(1, k * a)
-    forces = _rim_forces(made, k, U, p, J0, J1, a)
-    right = np.zeros(forces.shape[:2], np.complex128)
-    right[:, : U.shape[1]] = -force
-    amplitudes = np.linalg.solve(forces, right[:, :, None])[:, :, 0]
-    rim = np.einsum("fun,fn->fu", U, amplitudes * J1)
-    C = np.pi * a**2 * density - 2 * np.pi * a * np.einsum("fu,fu->f", rim, force)
-    nw = wide["W"].shape[1]
-    waves = {"U": U * amplitudes[:, None], "W": p[:, :nw] * amplitudes[:, None], "P": p[:, nw:] * amplitudes[:, None]}
-    return Motion(C * PERMITTIVITY * sizes.unit, weights, factors, wide, k, waves, J0, J1, a)
+    rim = standing(own.k, a, a)
+    amplitudes = np.asarray(np.linalg.solve(own.stresses(rim), -own.forces[:, :, None])[:, :, 0], np.complex128)
+    u = np.einsum("fun,fn->fu", own.U, amplitudes * rim.one)
+    C = np.pi * a**2 * own.density - 2 * np.pi * a * np.einsum("fu,fu->f", u, own.force)
+    return WholeMotion(C * PERMITTIVITY * sizes.unit, (own.with_amplitudes(amplitudes, None, rim),))
+
+
+def standing(k: Complexes, radius: float, scaled_at: float) -> Rim:
+    """Return J0 and J1 of waves at a radius, scaled by exp(-|Im k| scaled_at)."""
+    grown = np.exp(np.abs(k.imag) * (radius - scaled_at))
+    return Rim(radius, jve(0, k * radius) * grown, jve(1, k * radius) * grown)
+
+
+def decaying(k: Complexes, radius: float, scaled_at: float) -> Rim:
+    """Return the Hankel functions that decay outwards of waves at a radius, scaled by exp(|Im k| scaled_at)."""
+    z, first = k * radius, k.imag >= 0
+    turned = np.exp(np.where(first, 1j, -1j) * k * (radius - scaled_at))
+    zero, one = (np.where(first, hankel1e(order, z), hankel2e(order, z)) * turned for order in (0, 1))
+    return Rim(radius, zero, one)
 
 
 def _wide(made: Mapping[tuple[str, str], Complexes]) -> tuple[dict[str, Complexes], Complexes, Complexes]:
@@ -125,7 +255,9 @@ def _coupling(made: Mapping[tuple[str, str], Complexes]) -> tuple[Complexes, Com
     return along0, np.concatenate([made["U", "kW"], made["U", "kP"]], axis=2)
 
 
-def _waves(made: Mapping[tuple[str, str], Complexes]) -> tuple[Complexes, Complexes, Complexes]:
+def _waves(
+    made: Mapping[tuple[str, str], Complexes], sides: Sequence[Side] | None
+) -> tuple[Complexes, Complexes, Complexes]:
     """Return wave numbers, shape (F, N), and the functions U, (F, nu, N), and of W and P together, (F, nw + nq, N).
 
     With U = k V the problem is linear in k^2: [X R; 0 P0] + k^2 [Y 0; R^T P2] over V and the others.
@@ -134,6 +266,21 @@ def _waves(made: Mapping[tuple[str, str], Complexes]) -> tuple[Complexes, Comple
     R = np.sum(_coupling(made), axis=0)
     P0 = _square(made["W", "W"], made["W", "P"][:, :, 1:], made["P", "P"][:, 1:, 1:])
     P2 = _square(made["kW", "kW"], made["kW", "kP"], made["kP", "kP"])
+    count, nu, others = R.shape
+    k, U, p = (np.zeros((count, *n, nu + others), np.complex128) for n in ((), (nu,), (others,)))
+    start, all_of = 0, (np.arange(nu, dtype=np.intp), np.arange(others, dtype=np.intp))
+    for u, q in sides or (all_of,):
+        own = slice(start, start + u.size + q.size)
+        row, other = u[:, None], q[:, None]
+        squared, shapes = _eigen(X[:, row, u], Y[:, row, u], R[:, row, q], P0[:, other, q], P2[:, other, q])
+        k[:, own] = np.sqrt(squared)
+        U[:, u, own], p[:, q, own] = shapes[:, : u.size] * k[:, None, own], shapes[:, u.size :]
+        start = own.stop
+    return k, U, p
+
+
+def _eigen(X: Complexes, Y: Complexes, R: Complexes, P0: Complexes, P2: Complexes) -> tuple[Complexes, Complexes]:
+    """Return k^2 of the waves, and V and the others as columns."""
     nu = X.shape[1]
     # by blocks: Y^-1 [X R], then P2^-1 of what is left
     upper = np.linalg.solve(Y, np.concatenate([X, R], axis=2))
@@ -142,24 +289,4 @@ def _waves(made: Mapping[tuple[str, str], Complexes]) -> tuple[Complexes, Comple
     lower[:, :, nu:] += P0
     lower = np.linalg.solve(P2, lower)
     squared, shapes = np.linalg.eig(-np.concatenate([upper, lower], axis=1))
-    k = np.sqrt(squared)
-    return k, shapes[:, :nu] * k[:, None], shapes[:, nu:]
-
-
-def _rim_forces(
-    made: Mapping[tuple[str, str], Complexes],
-    k: Complexes,
-    U: Complexes,
-    p: Complexes,
-    J0: Complexes,
-    J1: Complexes,
-    a: float,
-) -> Complexes:
-    """Return force and charge on the rim of each wave, over the functions of u, w and q, shape (F, N, N)."""
-    along0, along1 = _coupling(made)
-    P2 = _square(made["kW", "kW"], made["kW", "kP"], made["kP", "kP"])
-    radial = (made["E", "E"] @ (U * k[:, None]) + along0 @ p) * J0[:, None] + (made["rim", "rim"] @ U) * (J1 / a)[
-        :, None
-    ]
-    other = -(np.swapaxes(along1, 1, 2) @ U + P2 @ (p * k[:, None])) * J1[:, None]
-    return np.concatenate([radial, other], axis=1)
+    return squared, shapes

@@ -15,6 +15,8 @@ from skfem import Basis, ElementTriP4, MeshTri
 
 NEAR = (0.3, 0.08)
 """Ends of triangles beside the rim, over the thickness of the ceramic."""
+TIP = (-0.3, -0.08, -0.02, 0.0, 0.02, 0.08, 0.3)
+"""The same on both sides of the edge of an opening."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +47,12 @@ class FeLayer:
 
 
 class SkfemStack:
-    """A stack of round layers of one radius; one of them is the ceramic, with electrodes over both faces."""
+    """A stack of round layers of one radius; one of them is the ceramic, with electrodes over both faces.
 
-    def __init__(self, radius, layers, per_thickness=2):
+    `opening`: index of a layer that is missing within a radius, and that radius in m.
+    """
+
+    def __init__(self, radius, layers, per_thickness=2, opening=None):
         self.layers = layers
         (piezo,) = (layer for layer in layers if layer.piezo)
         faces = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
@@ -58,7 +63,15 @@ class SkfemStack:
         cells = max(2, int(np.ceil(radius / piezo.thickness * per_thickness)))
         inner = np.linspace(0, radius, cells + 1)[:-1]
         near = [radius - part * piezo.thickness / per_thickness for part in NEAR]
-        mesh = MeshTri.init_tensor(np.concatenate([inner, near, [radius]]), z)
+        r, cell = np.concatenate([inner, near, [radius]]), piezo.thickness / per_thickness
+        if opening is not None:
+            layer, edge = opening
+            r = np.sort(np.append(r[np.abs(r - edge) > 0.4 * cell], edge + cell * np.array(TIP)))
+        mesh = MeshTri.init_tensor(r, z)
+        if opening is not None:
+            along, height = mesh.p[:, mesh.t].mean(axis=1)
+            within = (along < edge) & (height > faces[layer]) & (height < faces[layer + 1])
+            mesh = mesh.restrict(np.flatnonzero(~within))
         middle = mesh.p[1, mesh.t].mean(axis=0)
         self.within = [np.flatnonzero((middle > low) & (middle < high)) for low, high in pairwise(faces)]
         self.mesh, self.element = mesh, ElementTriP4()

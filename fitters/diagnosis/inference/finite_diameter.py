@@ -114,15 +114,16 @@ class FiniteDisk:
         return self.tried.result
 
 
-def shows_early(task: FitTask, null: Refit) -> bool:
-    """Return whether the plate leaves as much as a rim would, so that the disk is fitted before anything else.
-
-    Not where glued steps were recorded too: in a joint fit what is wrong with the glue spreads to the disk's residual.
-    """
+def bare_alone(task: FitTask) -> FitTask | None:
+    """Return the task with the recordings of the bare disk alone; None if no round one was recorded."""
     disk = _disk_of(task)
-    if disk is None or any(recording.step != disk.step for recording in null.objective.recordings):
-        return False
-    return is_narrow(disk) and _may_be_a_rim(disk, _rms(null))
+    return None if disk is None else replace(task, sweeps={disk.step: task.sweeps[disk.step]})
+
+
+def shows_early(task: FitTask, null: Refit) -> bool:
+    """Return whether the plate leaves as much as a rim would, so that the disk is fitted before anything else."""
+    disk = _disk_of(task)
+    return disk is not None and is_narrow(disk) and _may_be_a_rim(disk, _rms(null))
 
 
 def may_be_left(task: FitTask, unexplained: float) -> bool:

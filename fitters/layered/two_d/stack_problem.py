@@ -46,6 +46,8 @@ class StackProblem:
     noises: Mapping[str, tuple[Reals, ...]]
     """Standard deviation of Re and Im of ln Z at each point of each sweep, shape (N,)."""
     free: tuple[str, ...] | None
+    told: Posterior | None = None
+    """What is known of the piezoelectric layer from recordings of its own, in place of what is usual."""
 
     @property
     def disk(self) -> LayerSpec:
@@ -197,5 +199,7 @@ def stack_priors(problem: StackProblem, steps: Sequence[str]) -> tuple[Prior | P
     """
     values = problem.disk.values
     doubted = {f"{problem.disk.name}.{name}" for name in PIEZO_CONSTANTS if values[name].source != "build.toml"}
-    own = (one for one in priors_of(problem.build, steps) if one.parameter.removesuffix(".re") not in doubted)
+    own = [one for one in priors_of(problem.build, steps) if one.parameter.removesuffix(".re") not in doubted]
+    if problem.told is not None:
+        return (*(one for one in own if not one.parameter.startswith(f"{problem.disk.name}.")), problem.told)
     return (*own, *ceramic_priors(problem.disk))

@@ -1,7 +1,7 @@
 """A stack in two dimensions as the model of a diagnosis."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,14 +31,17 @@ _POINTS = 150
 class StackUnderDiagnosis(FittedModel):
     """The fitted stack, with the constants that follow from its parameters."""
 
-    found: FittedStack | None = None
+    found: FittedStack = field(kw_only=True)
+
+    @property
+    def problem(self) -> StackProblem:
+        """What was fitted."""
+        return self.found.problem
 
     def constants(
         self, steps: Sequence[str], values: Mapping[str, float], names: Sequence[str], covariance: Reals
     ) -> dict[str, Constant]:
         """Return the constants of all layers and all derived ones, with standard uncertainties."""
-        if self.found is None:
-            return super().constants(steps, values, names, covariance)
         own = set(self.descent.objective.coordinates.parameters)
         at = [k for k, name in enumerate(names) if name in own]
         within = covariance[np.ix_(at, at)]
@@ -52,12 +55,12 @@ def diagnosable_stack(problem: StackProblem, progress: Callable[[str], None]) ->
     The search for the lateral constants cannot succeed if an effect hides them, so the effects take part in it.
     """
     if problem.build.effects:
-        return _under_diagnosis(fitted_stack(problem, progress), ())
+        return under_diagnosis(fitted_stack(problem, progress), ())
     alone = None
     try:
         alone = fitted_stack(problem, progress, hopeless=_HOPELESS)
-        if _left(alone) < _DESCRIBED:
-            return _under_diagnosis(alone, ())
+        if described(alone):
+            return under_diagnosis(alone, ())
     except TaskError:
         raise
     except FitError:
@@ -66,18 +69,19 @@ def diagnosable_stack(problem: StackProblem, progress: Callable[[str], None]) ->
     build = replace(problem.build, effects=_wires(problem))
     joint = fitted_stack(replace(problem, build=build), progress)
     if alone is not None and _left(joint) > _left(alone):
-        return _under_diagnosis(alone, ())
+        return under_diagnosis(alone, ())
     seed = Seed(frozenset((name, TERMINALS) for name in _WIRES), joint.values)
     bare = replace(joint, problem=problem, descent=without_effects(joint.descent, tuple(_WIRES)))
-    return _under_diagnosis(bare, (seed,))
+    return under_diagnosis(bare, (seed,))
 
 
-def _under_diagnosis(found: FittedStack, seeds: tuple[Seed, ...]) -> StackUnderDiagnosis:
+def under_diagnosis(found: FittedStack, seeds: tuple[Seed, ...], points: int = _POINTS) -> StackUnderDiagnosis:
+    """Return a fitted stack as the model of a diagnosis, with about so many points of each sweep."""
     before = found.descent.objective
-    few = [thinned(one, _POINTS) for one in before.recordings]
+    few = [thinned(one, points) for one in before.recordings]
     descent = replace(found.descent, objective=before.with_recordings(few))
     scale = plate_of(found.problem, list(found.problem.sweeps)[-1])
-    return StackUnderDiagnosis(descent, scale, PLANAR_UNITS, seeds, found)
+    return StackUnderDiagnosis(descent, scale, PLANAR_UNITS, seeds, found=found)
 
 
 def _wires(problem: StackProblem) -> tuple[EffectSpec, ...]:
@@ -91,6 +95,11 @@ def _wires(problem: StackProblem) -> tuple[EffectSpec, ...]:
             values[knob.name] = Quantity(size, u=size) if knob.name in free else Quantity(knob.null)
         made.append(EffectSpec(name, TERMINALS, values=values))
     return tuple(made)
+
+
+def described(found: FittedStack) -> bool:
+    """Return whether a stack describes its recordings about to their noise."""
+    return _left(found) < _DESCRIBED
 
 
 def _left(found: FittedStack) -> float:

@@ -23,8 +23,9 @@ from ...interface import FitError
 from .stack_problem import StackProblem, nominal, plate_of, stack_coordinates, stack_of, stack_priors, tensor_values
 from .stack_start import drawn_layers, drawn_starts, library_starts, one_dimensional, thinned, usual_tensor
 
-_BARE, _STACK, _LAYERS = Effort(5, 200), Effort(3, 60), Effort(6, 40)
-# Search for the constants of a bare disk, of a disk that was never measured bare, and of further layers.
+_BARE, _STACK, LAYERS, NEAR = Effort(5, 200), Effort(3, 60), Effort(6, 40), Effort(0, 0)
+# Search for the constants of a bare disk, of a disk that was never measured bare, of further layers, and of these near
+# what the build states and the one-dimensional fit found.
 _ROUGH = 1e-2
 # Part of the largest singular value down to which functions of z are kept for the search.
 _TOLERANCE = 1e-5
@@ -66,6 +67,22 @@ def fitted_stack(problem: StackProblem, progress: Callable[[str], None], hopeles
     return _settled(problem, values, law, evaluations)
 
 
+def fitted_glue(
+    problem: StackProblem,
+    values: Mapping[str, float],
+    law: LossLaw,
+    progress: Callable[[str], None],
+    effort: Effort = LAYERS,
+) -> FittedStack:
+    """Return the fit of glued steps on a ceramic that is `told`, from these values of every parameter."""
+    evaluations = 0
+    for k, step in enumerate(problem.sweeps, 1):
+        progress(f"fitting {step} in two dimensions")
+        values, more = _further(problem, list(problem.sweeps)[:k], values, law, effort)
+        evaluations += more
+    return _settled(problem, values, law, evaluations)
+
+
 def _first(
     problem: StackProblem, step: str, values: Mapping[str, float]
 ) -> tuple[LossLaw, dict[str, float], int, float]:
@@ -95,12 +112,14 @@ def _first(
 
 
 def _further(
-    problem: StackProblem, steps: Sequence[str], values: Mapping[str, float], law: LossLaw
+    problem: StackProblem, steps: Sequence[str], values: Mapping[str, float], law: LossLaw, effort: Effort = LAYERS
 ) -> tuple[dict[str, float], int]:
     """Return the parameters with those of the last of these steps, and the number of evaluations."""
     coordinates, priors = stack_coordinates(problem, steps, values), stack_priors(problem, steps)
     rough, exact = (_few(problem, steps, values, law, kept) for kept in (_ROUGH, KEPT))
     before = {layer.name for layer in layers_of(problem.build, steps[:-1])}
+    if problem.told is not None:
+        before.add(problem.disk.name)
     new = [name for name in problem.build.step(steps[-1]).layers if name not in before]
     known = [prior for prior in priors if isinstance(prior, Prior)]
     ours = {name: value for name, value in nominal_parameters(problem.build).items() if name.partition(".")[0] in new}
@@ -110,7 +129,7 @@ def _further(
     def drawn(count: int) -> list[Reals]:
         return drawn_layers(coordinates, centres, new, known, count, rng)
 
-    x, _, evaluations = searched(rough, [exact], coordinates, priors, centres, drawn, _LAYERS)
+    x, _, evaluations = searched(rough, [exact], coordinates, priors, centres, drawn, effort)
     return {**values, **coordinates.forward(x)[0]}, evaluations
 
 

@@ -8,12 +8,13 @@ from built_disk import BuiltDisk
 from complex_ceramic import TENSOR
 from stack_skfem import FeLayer, SkfemStack
 
+from pzctl.models.base.face_loads import Dot, OpenBond
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.stack import CausalConstantQ, Elastic, HalfSpace, Piezo, Stack
 from pzctl.models.stack.loss_laws import StackError
 from pzctl.models.stack2d.layers2d import Ceramic2D, Isotropic
 from pzctl.models.stack2d.stack_model import Stack2D, full_section, section_error, with_reduced_section
-from pzctl.models.stack2d.waves import motion
+from pzctl.models.stack2d.waves import Waves
 
 T, DENSITY = 2e-3, 7700.0
 DISK = Ceramic2D("disk", TENSOR, T, DENSITY)
@@ -46,6 +47,23 @@ def test_a_glued_stack_equals_general_finite_elements():
     assert difference(stack(DISK).impedance(F[1::2]), other) > 0.1
 
 
+def test_a_pocket_of_air_in_the_glue_equals_general_finite_elements():
+    glued = replace(stack(DISK, GLUE, MATCHING), back=0.0, front=0.0)
+    opened = glued.with_load("interface:disk|glue1", OpenBond(0.3**2, "glue1"))
+    layers = [FeLayer(T, DENSITY, tuple(complex(getattr(TENSOR, name)) for name in CONSTANTS), 6)]
+    for one, cells in ((GLUE, 1), (MATCHING, 4)):
+        layers.append(FeLayer.isotropic(one.thickness, one.z, one.c, one.q, one.poisson, cells))
+    other = SkfemStack(6e-3, layers, per_thickness=6, opening=(1, 0.3 * 6e-3)).impedance(F[1::2])
+    assert difference(opened.impedance(F[1::2]), other) < 4e-3
+    assert difference(glued.impedance(F[1::2]), other) > 0.5
+
+
+def test_a_tiny_opening_changes_nothing():
+    glued = stack(DISK, GLUE, MATCHING)
+    for where in glued.faces_for(OpenBond):
+        assert difference(glued.with_load(where, OpenBond(1e-6)).impedance(F), glued.impedance(F)) < 1e-5
+
+
 def test_a_wide_stack_tends_to_one_dimension_as_the_inverse_of_its_diameter():
     own = TENSOR.thickness
     layers = [Piezo("disk", T, DENSITY, own.c33D, own.h33, own.eps33S)]
@@ -60,13 +78,15 @@ def test_a_wide_stack_tends_to_one_dimension_as_the_inverse_of_its_diameter():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("law", ["constant", "causal"])
-def test_derivatives_are_exact(law):
+@pytest.mark.parametrize("kind", ["constant", "causal", "open"])
+def test_derivatives_are_exact(kind):
     layers = (GLUE, DISK, MATCHING)
-    if law == "causal":
+    if kind == "causal":
         layers = tuple(replace(one, law=CausalConstantQ(0.7e6)) for one in layers)
     built = replace(stack(*layers, radius=4e-3), back=2e5, front=1.5e6)
-    names = list(built.parameters())
+    if kind == "open":
+        built = built.with_load("interface:disk|ml1", OpenBond(0.1))
+    names = list(built.parameters())[:: 3 if kind == "open" else 1]
     Z, J = built.jacobian(F, names)
     np.testing.assert_allclose(Z, built.impedance(F), rtol=1e-9)
     for row, name in zip(J, names, strict=True):
@@ -95,6 +115,18 @@ def test_a_reduced_section_serves_and_says_how_well():
     assert error < 3e-5
 
 
+def test_slopes_by_the_size_of_an_opening_and_by_a_law():
+    glued = stack(DISK, GLUE, MATCHING)
+    at = "interface:disk|glue1"
+    here, there = (glued.with_load(at, OpenBond(part)) for part in (0.1, 0.1001))
+    change = np.log(there.impedance(F) / here.impedance(F))
+    np.testing.assert_allclose(here.moved_by_loads(F, there), change, atol=0.02 * np.abs(change).max())
+    assert np.abs(glued.moved_by_loads(F, here)).max() > 0.05
+    softer = glued.with_law("disk", "elastic", lambda _: CausalConstantQ(1e6))
+    change = np.log(softer.impedance(F) / glued.impedance(F))
+    np.testing.assert_allclose(glued.moved_by_laws(F, softer), change, atol=0.1 * np.abs(change).max())
+
+
 def test_what_is_no_stack_is_refused():
     with pytest.raises(StackError, match="2 of its layers are piezoelectric; exactly one"):
         full_section((DISK, replace(DISK, name="other")), 1e6)
@@ -102,5 +134,7 @@ def test_what_is_no_stack_is_refused():
         replace(GLUE, poisson=0.5)
     with pytest.raises(StackError, match=r"loads are -1 and 413 Rayl"):
         replace(stack(DISK), back=-1.0)
+    with pytest.raises(StackError, match="a Dot at 'face:front' is not in this model"):
+        stack(DISK).with_load("face:front", Dot(0.1, 0.1, 1e7, 3e3))
     with pytest.raises(match="not all finite"):
-        motion(stack(DISK).section, stack(DISK).sizes, np.full((1, 13), np.nan + 0j), F[:1])
+        Waves.of(stack(DISK).section, stack(DISK).sizes, np.full((1, 13), np.nan + 0j), F[:1])
