@@ -38,6 +38,7 @@ _WHERE: Mapping[str, str] = {
     "compliance": "interface:A|B",
     "inertia": "interface:A|B",
     "impedance": "face:back or face:front",
+    "load": "face:back or face:front",
     "series": "terminals",
     "shunt": "terminals",
 }

@@ -70,10 +70,11 @@ def parameters_of(candidate: Candidate, one: Hypothesis, coarseness: float = 1.0
         for k in [names.index(candidate.prefix + knob.name)]
     }
     sizes = {knob.name: Size(values[knob.name], u[knob.name], knob.unit) for knob in candidate.effect_parameters}
-    first = candidate.effect_parameters[0]
+    at = [names.index(candidate.prefix + name) for name, own in u.items() if own > 0]
+    moved = [candidate.effect.shown({**values, name: values[name] + own}) for name, own in u.items() if own > 0]
     for name, (value, unit) in candidate.effect.shown(values).items():
-        more = candidate.effect.shown({**values, first.name: values[first.name] + u[first.name]})[name][0]
-        sizes[name] = Size(value, abs(more - value), unit)
+        slope = np.array([more[name][0] - value for more in moved]) / np.sqrt(np.diag(covariance)[at])
+        sizes[name] = Size(value, float(np.sqrt(max(0.0, slope @ covariance[np.ix_(at, at)] @ slope))), unit)
     return sizes
 
 

@@ -18,6 +18,7 @@ from ..hypotheses.problem import Candidate, Problem
 from .delays import echo_starts
 from .drawn_corrections import PlacedCorrection
 from .law_fits import LearnedCorrection, Made, Start, best_fit, has_already, law_candidate, weighed
+from .rational_laws import rational_law
 
 _TRIALS = 6
 """Start values of a frequency over its range."""
@@ -39,6 +40,10 @@ def learned_laws(
         best = best_fit(problem, parent, one, _starts(effect, one, placed, parent), sizes)
         if best is not None:
             made.append((effect, one, best))
+    progress(f"trying a sum of laws of {placed.place.says}")
+    total = rational_law(problem, parent, placed)
+    if total is not None:
+        made.append(total)
     return weighed(placed, made)
 
 

@@ -130,6 +130,8 @@ def laws(quantity: Quantity) -> tuple[Law, ...]:
         return _of_constant(quantity)
     if quantity == "load":
         return _OF_LOAD
+    if quantity == "series":
+        return _IN_SERIES
     return _ADMITTED if quantity in ("shunt", "compliance") else _ADDED
 
 
@@ -218,6 +220,8 @@ _OF_ADMITTANCE = {
 }
 """The same laws in words where an admittance is added: there a mass and a spring change their roles."""
 _ADMITTED = tuple(replace(law, says=_OF_ADMITTANCE.get(law.name, law.says)) for law in _ADDED)
+_SPREAD_OUT = "a resistance of {size} spread over an electrode or along a line, which falls from {at} on"
+_IN_SERIES = tuple(replace(law, says=_SPREAD_OUT) if law.name == "line" else law for law in _ADDED)
 _OF_LOAD = (
     Law(
         "echo",

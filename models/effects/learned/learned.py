@@ -7,6 +7,7 @@ import numpy as np
 
 from ...base.arrays import Complexes, Frequencies
 from ...base.errors import PzctlError
+from ...base.face_loads import FACES
 from ...base.names import among
 from ...base.uncertain_numbers import with_uncertainty
 from ...stack import Stack
@@ -16,7 +17,8 @@ from ..base.scale import resonance
 from .corrections import CONSTANTS, Correction, Place, corrected, natural_size, places
 from .laws import Law, laws
 from .parts import SHARE, corrected_on_part, laws_of_parts, stage_of
-from .several import laws_of_several
+from .rational import is_rational, sum_named, terms_of
+from .several import laws_of_several, numbered
 
 NAME = "learned"
 _QUARTER = 0.24
@@ -128,8 +130,8 @@ class LearnedLaw(Effect):
         return frequency, self.correction(values)(frequency)
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-        """Return the circuit element that is equivalent to a correction at the terminals."""
-        return circuit_element(self.place, self.law, self.reference, values.get("size", 0.0))
+        """Return what the correction is in the terms of a workshop."""
+        return equivalents(self.place, self.law, self.reference, values)
 
     def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the loss of the law at its reference, if it corrects a constant."""
@@ -139,7 +141,7 @@ class LearnedLaw(Effect):
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the correction."""
-        if values[self.law.parameters[0].name] <= 0:
+        if all(values[knob.name] <= 0 for knob in self.law.parameters if knob.from_nothing):
             return assembly
         g = self.correction(values)
         if self.stage == Stage.SHARES:
@@ -148,30 +150,56 @@ class LearnedLaw(Effect):
 
 
 def law_name(place: Place, law: Law) -> str:
-    """Return what a law corrects, and its own name: `permittivity-debye`, `series-inertance`."""
-    return f"{place.quantity}-{law.name}"
+    """Return what a law corrects, and its own name: `permittivity-debye`, `series-resistance-and-inertance`."""
+    return f"{place.quantity}-{'-and-'.join(terms_of(law.name))}"
 
 
 def in_words(place: Place, law: Law, sizes: Mapping[str, tuple[float, float, str]]) -> str:
     """Return what a law says of a place, with its numbers, without a full stop."""
     numbers = {name: f"{with_uncertainty(value, u)}{_unit(unit)}" for name, (value, u, unit) in sizes.items()}
     says = law.says.format(**{knob.name: numbers.get(knob.name, "?") for knob in law.parameters})
-    element = next((f" ({name} {numbers[name]})" for name in ("inductance", "capacitance") if name in numbers), "")
+    others = [f"{name.replace('_', ' ')} {numbers[name]}" for name in _IN_WORDS if name in numbers]
     verb = "" if place.quantity in CONSTANTS else "has "
-    return f"{place.says[0].upper()}{place.says[1:]} {verb}{says}{element}"
+    more = f" ({', '.join(others)})" if others else ""
+    return f"{place.says[0].upper()}{place.says[1:]} {verb}{says}{more}"
 
 
-def circuit_element(place: Place, law: Law, reference: float, size: float) -> dict[str, tuple[float, str]]:
-    """Return the inductance or capacitance that a correction at the terminals is, by its name, with its unit."""
-    omega = 2 * np.pi * reference
-    kind = place.quantity, law.name
-    if size <= 0 or place.quantity not in ("series", "shunt"):
-        return {}
-    if kind in (("series", "inertance"), ("shunt", "compliance")):
-        return {"inductance": (size / omega if kind[0] == "series" else 1 / (omega * size), "H")}
-    if kind in (("series", "compliance"), ("shunt", "inertance")):
-        return {"capacitance": (size / omega if kind[0] == "shunt" else 1 / (omega * size), "F")}
-    return {}
+_WATER = 1483.0
+"""Speed of sound in water at 20 degrees, m/s."""
+_OVER_OMEGA, _TIMES_OMEGA, _INVERSE = "size over omega", "size times omega", "one over omega times size"
+_EQUIVALENTS: Mapping[tuple[str, str], tuple[str, str, str]] = {
+    ("series", "inertance"): ("inductance", "H", _OVER_OMEGA),
+    ("series", "compliance"): ("capacitance", "F", _INVERSE),
+    ("shunt", "inertance"): ("capacitance", "F", _OVER_OMEGA),
+    ("shunt", "compliance"): ("inductance", "H", _INVERSE),
+    ("impedance", "inertance"): ("mass", "kg/m2", _OVER_OMEGA),
+    ("impedance", "part-inertance"): ("mass", "kg/m2", _OVER_OMEGA),
+    ("impedance", "layer"): ("mass", "kg/m2", _OVER_OMEGA),
+    ("impedance", "compliance"): ("stiffness", "Pa/m", _TIMES_OMEGA),
+    ("inertia", "inertance"): ("mass", "kg/m2", _OVER_OMEGA),
+    ("inertia", "layer"): ("mass", "kg/m2", _OVER_OMEGA),
+    ("compliance", "inertance"): ("compliance", "m/Pa", _OVER_OMEGA),
+}
+"""Quantity and law: name and unit of what it is in the terms of a workshop, and how its size is converted."""
+_DEPTH = "depth_in_water"
+_IN_WORDS = ("inductance", "capacitance", "mass", "stiffness", "compliance", _DEPTH)
+
+
+def equivalents(place: Place, law: Law, reference: float, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
+    """Return inductance, capacitance, mass, stiffness or depth in water that a correction is, with its unit.
+
+    `values`: the law's parameters, SI units. An echo on a face comes from half its delay times the speed of sound.
+    """
+    if "delay" in values and place.where in FACES:
+        return {_DEPTH: (_WATER * values["delay"] / 2, "m")}
+    omega, found = 2 * np.pi * reference, dict[str, tuple[float, str]]()
+    for k, name in enumerate(terms_of(law.name), 1):
+        size = values.get(numbered("size", k), 0.0)
+        if (place.quantity, name) in _EQUIVALENTS and size > 0:
+            says, unit, how = _EQUIVALENTS[place.quantity, name]
+            converted = {_OVER_OMEGA: size / omega, _TIMES_OMEGA: size * omega, _INVERSE: 1 / (omega * size)}
+            found[says] = converted[how], unit
+    return found
 
 
 def learned_law(place: Place, name: str, stack: Stack, reference: float = 0.0, number: int = 1) -> LearnedLaw:
@@ -185,6 +213,8 @@ def find_law(place: Place, name: str) -> Law:
     several = {law.name: law for law in laws_of_several(place.quantity)}
     if name in several:
         return several[name]
+    if is_rational(name):
+        return sum_named(place, name)
     if name not in known:
         raise PzctlError(f"{place.where}: there is no law {name!r} for {place.says}; {among(name, list(known))}")
     return known[name]

@@ -13,7 +13,7 @@ from ..base.scale import equivalent_plate
 from . import corrections
 from .corrections import Place
 from .laws import Law
-from .learned import LearnedLaw, circuit_element, in_words, law_name
+from .learned import LearnedLaw, equivalents, in_words, law_name
 from .parts import stage_of
 
 BETWEEN_SAMPLES = 0.7
@@ -90,8 +90,8 @@ class UserLaw(Effect):
         return f"{in_words(Place(where, self.place.quantity), self.law, sizes)}."
 
     def shown(self, values: Mapping[str, float]) -> dict[str, tuple[float, str]]:
-        """Return the circuit element that is equivalent to a correction at the terminals."""
-        return circuit_element(self.place, self.law, self.reference, values.get("size", 0.0))
+        """Return what the correction is in the terms of a workshop."""
+        return equivalents(self.place, self.law, self.reference, values)
 
     def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:
         """Return the loss of the law at its reference, if it corrects a constant."""
@@ -105,9 +105,9 @@ class UserLaw(Effect):
         return LearnedLaw(Place(where, self.place.quantity), self.law, stack, self.reference)
 
     def _element(self) -> dict[str, tuple[float, float, str]]:
-        size, u = self.values.get("size", (0.0, 0.0))
-        share = u / size if size else 0.0
+        values = {name: value for name, (value, _) in self.values.items()}
+        more = [self.shown({**values, name: value + u}) for name, (value, u) in self.values.items()]
         return {
-            name: (value, share * value, unit)
-            for name, (value, unit) in circuit_element(self.place, self.law, self.reference, size).items()
+            name: (value, float(np.linalg.norm([one[name][0] - value for one in more])), unit)
+            for name, (value, unit) in self.shown(values).items()
         }

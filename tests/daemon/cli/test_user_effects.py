@@ -116,6 +116,37 @@ def test_a_diagnosis_of_another_sample_names_it_and_its_build_needs_no_catalogue
     assert again["constants"]["learned@layer:film.at"]["re"] == pytest.approx(AT, rel=0.2)
 
 
+ECHO = """
+[[effects]]
+effect = "learned"
+where = "face:back"
+quantity = "load"
+law = "echo"
+reference_Hz = 4229005.77
+size = { value = 0.2, u = 0.02 }
+delay_s = { value = 4e-6, u = 1e-8 }
+"""
+CONTACT = """
+[[effects]]
+effect = "learned"
+where = "terminals"
+quantity = "series"
+law = "resistance+inertance"
+reference_Hz = 4229005.77
+size_ohm = { value = 0.3, u = 0.01 }
+size_2_ohm = { value = 0.08, u = 0.004 }
+"""
+
+
+def test_an_echo_in_a_backing_and_a_sum_are_added(here: Path) -> None:
+    Path("law.toml").write_text(ECHO, encoding="utf-8")
+    assert run("effects", "--add", "law.toml").stdout.startswith("added: load-echo (")
+    assert "depth in water 0.002966(7) m" in run("effects", "load-echo", "--json").stdout
+    Path("law.toml").write_text(CONTACT, encoding="utf-8")
+    assert run("effects", "--add", "law.toml").stdout.startswith("added: series-resistance-and-inertance (")
+    assert "inductance 3.01(15)e-9 H" in run("effects", "series-resistance-and-inertance", "--json").stdout
+
+
 def test_the_laws_of_a_build_have_their_own_names_or_the_one_given(here: Path) -> None:
     Path("build.toml").write_text(BUILD + LAW.replace("layer:disk", "layer:film"), encoding="utf-8")
     assert run("effects", "--add", "build.toml").stdout.startswith("added: permittivity-debye (")

@@ -115,6 +115,19 @@ def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: D
 
 
 @pytest.mark.usefixtures("at_the_terminals")
+def test_a_contact_is_a_sum_of_a_resistance_and_an_inductance(bare: Device) -> None:
+    """No single law is both; a root of frequency describes it within what a fixture does, with a wrong meaning."""
+    f = np.linspace(1.5e6, 7.5e6, 61)
+    diagnosis = diagnose(recorded(bare.bare.impedance(f) + 0.3 + 2j * np.pi * f * 3e-9, f), ("polarity",), learn=True)
+    (finding,) = diagnosis.findings
+    assert [one.law for one in diagnosis.effects] == ["resistance+inertance"]
+    resistance, inductance = finding.parameters["size"], finding.parameters["inductance"]
+    assert abs(resistance.value - 0.3) < 3 * resistance.u < 0.1
+    assert abs(inductance.value - 3e-9) < 3 * inductance.u < 1.5e-9
+    assert "has a resistance of" in finding.says
+
+
+@pytest.mark.usefixtures("at_the_terminals")
 @pytest.mark.long
 def test_beside_effects_that_imitate_it_a_law_that_leaves_nothing_is_fitted_but_not_looked_for(bare: Device) -> None:
     f, said = np.linspace(1.5e6, 7.5e6, 41), list[str]()

@@ -11,7 +11,7 @@ from pzctl.models.base.errors import PzctlError
 from pzctl.models.effects import Device, find_effect
 from pzctl.models.effects.base.modified_loads import FiniteBackingLoad
 from pzctl.models.effects.base.scale import resonance
-from pzctl.models.effects.learned.corrections import CONSTANTS, Place, places
+from pzctl.models.effects.learned.corrections import CONSTANTS, Place, Quantity, places
 from pzctl.models.effects.learned.laws import Law, laws
 from pzctl.models.effects.learned.learned import LearnedLaw, find_law, learned_law
 from pzctl.models.effects.learned.smooth_correction import SmoothCorrection, causal_basis
@@ -218,8 +218,65 @@ def test_a_relaxation_is_looked_for_within_the_recorded_band() -> None:
     assert BAND[0] < at.null < BAND[1]
 
 
+def test_a_sum_is_the_sum_of_its_terms_in_numbers_and_in_words() -> None:
+    """A contact of 0.3 ohm and 3 nH: a lead of the catalogue."""
+    place, values = Place("terminals", "series"), {"size": 0.3, "size_2": 0.08}
+    contact = learned_law(place, "resistance+inertance", GLUED)
+    inductance = values["size_2"] / (2 * np.pi * contact.reference)
+    lead = {"inductance": inductance, "resistance": 0.3}
+    expected = Device(GLUED).with_effect(find_effect("lead-inductance"), "terminals", lead).impedance(F)
+    found = Device(GLUED).with_effect(contact, "terminals", values).impedance(F)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    bare = Device(GLUED).with_effect(contact, "terminals", {"size": 0.0, "size_2": 0.08}).impedance(F)
+    assert not np.allclose(bare, GLUED.impedance(F)), "a first term of no size leaves the others"
+    shown = contact.shown(values)
+    assert shown["inductance"] == (pytest.approx(inductance), "H")
+    sizes = {name: (value, 0.1 * value, "ohm") for name, value in values.items()}
+    says = contact.sentence("terminals", sizes | {"inductance": (inductance, 0.1 * inductance, "H")})
+    assert "has a resistance of 0.30(3) ohm and an inertance of 0.080(8) ohm (inductance 2.9(3)e-9 H)" in says
+
+
+@given(shares=st.lists(st.floats(0, 1), min_size=10, max_size=10))
+@pytest.mark.parametrize(
+    ("quantity", "name"), [("series", "compliance+debye+rise+inertance"), ("permittivity", "debye+debye+debye")]
+)
+def test_every_sum_is_passive(quantity: Quantity, name: str, shares: list[float]) -> None:
+    law = find_law(Place("layer:disk", quantity), name)
+    at, size = 0.1 + 10 * np.array(shares[:5]), np.array(shares[5:])
+    values = {
+        knob.name: float((at if knob.name.startswith("at") else size)[k % 5]) for k, knob in enumerate(law.parameters)
+    }
+    g = law.of(np.geomspace(0.05, 20.0, 60), values)
+    if law.taken is None:
+        assert np.all(g.real >= 0)
+    else:
+        assert np.all((g + law.taken(values)).imag <= 0)
+
+
+def test_a_learned_law_is_told_in_the_terms_of_a_workshop() -> None:
+    face, bond = Place("face:front", "impedance"), Place("interface:disk|ml1", "compliance")
+    mass, echo, spring = (learned_law(face, name, GLUED) for name in ("inertance", "echo", "compliance"))
+    w = 2 * np.pi * mass.reference
+    assert mass.shown({"size": 0.02 * w}) == {"mass": (pytest.approx(0.02), "kg/m2")}
+    assert spring.shown({"size": 5e10 / w}) == {"stiffness": (pytest.approx(5e10), "Pa/m")}
+    assert learned_law(bond, "inertance", GLUED).shown({"size": 1e-15 * w}) == {
+        "compliance": (pytest.approx(1e-15), "m/Pa")
+    }
+    values = {"size": 1e6, "delay": 1.362e-5, "echo": 0.3}
+    assert echo.shown(values) == {"depth_in_water": (pytest.approx(10.1e-3, rel=1e-3), "m")}
+    sizes = {name: (value, 0.01 * value, "1") for name, value in values.items()}
+    says = echo.sentence("face:front", sizes | {"depth_in_water": (0.0101, 2e-4, "m")})
+    assert "(depth in water 0.0101(2) m)" in says
+
+
 def test_an_unknown_law_is_one_sentence() -> None:
     with pytest.raises(
         PzctlError, match=r"there is no law 'deby' for the permittivity of disk; .*did you mean 'debye'"
     ):
         learned_law(Place("layer:disk", "permittivity"), "deby", GLUED)
+    with pytest.raises(
+        PzctlError, match=r"terminals: 'echo' in the law 'debye\+echo' is no part of a sum; .*resistance"
+    ):
+        learned_law(Place("terminals", "series"), "debye+echo", GLUED)
+    with pytest.raises(PzctlError, match=r"has 6 parts; at most 5 are allowed"):
+        learned_law(Place("terminals", "series"), "+".join(["debye"] * 6), GLUED)
