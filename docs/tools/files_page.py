@@ -143,7 +143,8 @@ def _effect_parameters() -> dict[str, tuple[EffectParameter, ...]]:
 
     The ranges are those in the thesis's transducer, or of an effect that it cannot have in a sandwich.
     """
-    builds = replace(read_build(THESIS_BUILD), back=LoadSpec("given", Quantity(3e6))), read_build(_SANDWICH)
+    loaded = LoadSpec("given", Quantity(3e6))
+    builds = replace(read_build(THESIS_BUILD), back=loaded, front=loaded), read_build(_SANDWICH)
     found: dict[str, tuple[EffectParameter, ...]] = {}
     for effect in catalogue():
         stacks = (stack_of(build, build.steps[-1]) for build in builds)

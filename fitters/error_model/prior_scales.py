@@ -3,6 +3,8 @@
 Values are standard deviations of ln Z (or of ln of a constant) unless a unit is stated.
 """
 
+from ...models.effects import fixture_residual
+
 INSTRUMENT = 8e-4
 """Gain (ln |Z|) and phase (rad) errors of an analyzer. A 4294A specifies 7.5e-4 up to 1 MHz, plus 1e-3 per MHz
 above."""
@@ -14,7 +16,7 @@ SLOW, FAST = 1.0, 0.25
 SWITCH = 0.5
 """Step of gain or phase where the analyzer changes its range, in units of its specification. That holds for all ranges
 and includes what they have in common, a third of it or more, so two of them differ by less."""
-FIXTURE = {"inductance": 1e-9, "resistance": 1e-2, "skin": 5e-3, "capacitance": 2e-14, "conductance": 3e-9}
+FIXTURE = fixture_residual.TYPICAL
 """Residuals of open and short compensation: H, ohm, ohm at 1 MHz, F, S."""
 LENGTH = 0.8
 """Correlation length in ln f of the model's error in each constant."""

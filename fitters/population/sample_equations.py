@@ -64,9 +64,10 @@ class SampleEquations:
 def bench_effects(stack: Stack, names: Collection[str] | None = None) -> Knobs:
     """Return the effects of a jig, a lead or a cable: those at the terminals that have a size.
 
-    `names`: the effects to consider; None for all.
+    `names`: the effects to consider; None for all. The residual of a fixture is part of the error model.
     """
-    there = {one.name: one.effect_parameters(stack, TERMINALS) for one in catalogue() if TERMINALS in one.places(stack)}
+    looked_for = (one for one in catalogue() if not one.only_named)
+    there = {one.name: one.effect_parameters(stack, TERMINALS) for one in looked_for if TERMINALS in one.places(stack)}
     return {name: knobs for name, knobs in there.items() if knobs and (names is None or name in names)}
 
 

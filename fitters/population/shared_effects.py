@@ -14,8 +14,10 @@ import numpy as np
 
 from ...models.base.arrays import Reals
 from ...models.effects import EffectParameter
+from ...models.effects.fixture_residual import EFFECT as FIXTURE_RESIDUAL
+from ...models.effects.fixture_residual import UNITS
 from ..diagnosis.decision_rules import NAMED, ODDS, TOLERATED, WORTH
-from ..diagnosis.hypotheses.bench_effects import FIXTURE_UNITS, BenchEffect, FixtureResidue
+from ..diagnosis.hypotheses.bench_effects import BenchEffect
 from ..diagnosis.hypotheses.hypothesis import coarseness
 from ..error_model import prior_scales as scales
 from ..error_model.error_sizes import GRIDS, ErrorSizes
@@ -334,7 +336,7 @@ def _explained(
 def _surveyed(
     survey: Survey, known: tuple[BenchEffect, ...], knobs: Knobs, fixture: Mapping[str, float]
 ) -> _Explanation:
-    residue = (BenchEffect(FixtureResidue.name, fixture),) if any(fixture.values()) else ()
+    residue = (BenchEffect(FIXTURE_RESIDUAL.name, fixture),) if any(fixture.values()) else ()
     total, sizes = _best(survey((*known, *residue)), [one.name for one in known], knobs, fixture)
     return _finished(total, known, fixture, sizes, knobs)
 
@@ -483,10 +485,10 @@ def _told(
         if f"fixture {name}" in beside:
             mean, u = beside[f"fixture {name}"]
             value = now.fixture.get(name, 0.0) + mean * scale
-            fixture[name] = FixturePart(value, u * scale, FIXTURE_UNITS[name], _is_there(value / scale, u))
+            fixture[name] = FixturePart(value, u * scale, UNITS[name], _is_there(value / scale, u))
     residue: tuple[BenchEffect, ...] = ()
     if fixture:
-        residue = (BenchEffect(FixtureResidue.name, {name: part.value for name, part in fixture.items()}),)
+        residue = (BenchEffect(FIXTURE_RESIDUAL.name, {name: part.value for name, part in fixture.items()}),)
     gain, phase = _largest_errors(beside, ends, [own for one, _, _ in now.total.parts for own in one.accuracy])
     errors = {"tau": now.sizes.tau, "rho": now.sizes.rho}
     return SharedBench(effects, (*known, *residue), fixture, gain, phase, errors, tuple(rejected))

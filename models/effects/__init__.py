@@ -49,5 +49,6 @@ def find_effect(name: str) -> Effect:
 
 
 def outside_effects() -> tuple[Effect, ...]:
-    """Return the effects outside of a device, between it and the analyzer: any model can have them."""
-    return tuple(effect for effect in catalogue() if effect.outside and effect.stage is not Stage.ACQUISITION)
+    """Return the effects between a device and the analyzer, which any model can have: those that are looked for."""
+    outside = (effect for effect in catalogue() if effect.outside and effect.stage is not Stage.ACQUISITION)
+    return tuple(effect for effect in outside if not effect.only_named)

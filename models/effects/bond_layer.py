@@ -56,7 +56,7 @@ class BondLayer(Effect):
 
 
 def acts_as_glue(layer: Elastic, stack: Stack) -> bool:
-    """Return whether a layer is as soft and thin as glue."""
+    """Return whether a layer is so soft and thin that only its compliance is visible."""
     return layer.z < SOFT and layer.thickness < _THIN * layer.c / resonance(stack)
 
 

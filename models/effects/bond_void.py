@@ -66,8 +66,11 @@ class BondVoid(Effect):
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the bonded, the free and the weakly bonded part of the face in parallel."""
-        fraction, interface = values["fraction"], _interface(assembly.nominal, where)
+        fraction = values["fraction"]
         if fraction <= 0:
+            return assembly
+        interface = _interface(assembly, where)
+        if interface is None:
             return assembly
         if not assembly.parts:
             return assembly.on_face(interface, OpenBond(fraction, _glue_at(assembly.nominal, interface)))
@@ -102,12 +105,20 @@ def _between_piezos(stack: Stack, where: str) -> bool:
     return len(set(_piezos_before(stack, where))) > 1
 
 
-def _interface(stack: Stack, where: str) -> str:
-    """Return the interface; for `layer:NAME` the one on the layer's side towards the piezoelectric layers."""
+def _interface(assembly: Assembly, where: str) -> str | None:
+    """Return the interface; for `layer:NAME` the one on the layer's side towards the piezoelectric layers.
+
+    None if the device has no such layer.
+    """
     if not where.startswith("layer:"):
         return where
+    name = where.removeprefix("layer:")
+    having = (one for one in (assembly.nominal, assembly.stack) if name in {layer.name for layer in one.layers})
+    stack = next(having, None)
+    if stack is None:
+        return None
     names = [layer.name for layer in stack.layers]
-    k = names.index(where.removeprefix("layer:"))
+    k = names.index(name)
     first = next(at for at, layer in enumerate(stack.layers) if isinstance(layer, Piezo))
     behind, before = (names[k - 1], names[k]) if first < k else (names[k], names[k + 1])
     return f"interface:{behind}|{before}"

@@ -35,8 +35,9 @@ def model_changes(
     `stripped`: the device found after if it is that of the step before. `levels`: those of both recordings, if stated.
     """
     before, after = found
-    there = [change for effect in catalogue() for change in _of_effect(effect, before, taken=False)]
-    gone = [change for effect in catalogue() for change in _of_effect(effect, after, taken=True)]
+    known = [effect for effect in catalogue() if not effect.only_named]
+    there = [change for effect in known for change in _of_effect(effect, before, taken=False)]
+    gone = [change for effect in known for change in _of_effect(effect, after, taken=True)]
     off = () if stripped is None else _glued(build, stripped, taken=True)
     return (
         *there, *gone, *_of_constants(before), *_of_levels(before, levels), *_glued(build, before, taken=False), *off

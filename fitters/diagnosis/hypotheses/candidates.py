@@ -21,7 +21,7 @@ its flank is still curved; further away it is a capacitance or a stiffness."""
 
 
 def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
-    """Return the candidates of all effects, or of those in `names`.
+    """Return the candidates of all effects that are looked for unnamed, or of those in `names`.
 
     An effect in a layer, at an interface or on the back is present in every step that has that place. An effect at the
     terminals may be present in all steps, from one step onwards (another clip), or in one; an effect of the sweep in
@@ -31,7 +31,7 @@ def candidates(problem: Problem, names: Iterable[str] | None = None) -> tuple[Ca
     its faces if it has faces.
     """
     wanted = None if names is None else set(names)
-    considered = [effect for effect in every_effect() if wanted is None or effect.name in wanted]
+    considered = [one for one in every_effect() if (not one.only_named if wanted is None else one.name in wanted)]
     return tuple(found for effect in considered for found in candidates_of(problem, effect))
 
 

@@ -124,6 +124,10 @@ class Effect(ABC):
     errs_in_time: ClassVar[bool] = False
     """Whether its formula is a course in time, from which a device may deviate smoothly in time, not in frequency."""
 
+    only_named: ClassVar[bool] = False
+    """Whether a diagnosis looks for it only if it is named (`--effects`): usual errors, or more frequent effects,
+    describe nearly the same."""
+
     from_later_step: ClassVar[bool] = False
     """Whether it is a change since the first step, which therefore does not have it."""
 
@@ -139,7 +143,8 @@ class Effect(ABC):
     @property
     def physics(self) -> str:
         """The physics in words, for the list of effects."""
-        return " ".join((self.__doc__ or "").split())
+        words = " ".join((self.__doc__ or "").split())
+        return f"{words} Looked for only if it is named (`--effects`)." if self.only_named else words
 
     @property
     def key(self) -> str:

@@ -4,6 +4,8 @@ import math
 
 from ...stack import CONSTANT, HalfSpace, LossLaw, Piezo, Stack
 
+WATER = 1483.0
+"""Speed of sound in water at 20 degrees, m/s."""
 _DENSITY, _STIFFNESS, _FIELD, _PERMITTIVITY = 7700.0, 1.5e11, 2e9, 8e-9
 
 

@@ -13,7 +13,7 @@ from ...base.uncertain_numbers import with_uncertainty
 from ...stack import Stack
 from ..base.assembly import Assembly
 from ..base.effect import Effect, EffectParameter, Stage
-from ..base.scale import resonance
+from ..base.scale import WATER, resonance
 from .corrections import CONSTANTS, Correction, Place, corrected, natural_size, places
 from .laws import Law, laws
 from .parts import SHARE, corrected_on_part, laws_of_parts, stage_of
@@ -164,8 +164,6 @@ def in_words(place: Place, law: Law, sizes: Mapping[str, tuple[float, float, str
     return f"{place.says[0].upper()}{place.says[1:]} {verb}{says}{more}"
 
 
-_WATER = 1483.0
-"""Speed of sound in water at 20 degrees, m/s."""
 _OVER_OMEGA, _TIMES_OMEGA, _INVERSE = "size over omega", "size times omega", "one over omega times size"
 _EQUIVALENTS: Mapping[tuple[str, str], tuple[str, str, str]] = {
     ("series", "inertance"): ("inductance", "H", _OVER_OMEGA),
@@ -191,7 +189,7 @@ def equivalents(place: Place, law: Law, reference: float, values: Mapping[str, f
     `values`: the law's parameters, SI units. An echo on a face comes from half its delay times the speed of sound.
     """
     if "delay" in values and place.where in FACES:
-        return {_DEPTH: (_WATER * values["delay"] / 2, "m")}
+        return {_DEPTH: (WATER * values["delay"] / 2, "m")}
     omega, found = 2 * np.pi * reference, dict[str, tuple[float, str]]()
     for k, name in enumerate(terms_of(law.name), 1):
         size = values.get(numbered("size", k), 0.0)

@@ -22,13 +22,14 @@ DESIGN = {
     "bond-layer", "bond-void", "thickness-variation", "surface-layer", "lateral-modes", "loss-dispersion",
     "dielectric-dispersion", "face-load", "finite-backing", "spurious-resonance", "temperature-drift",
     "drive-nonlinearity", "sweep-lag", "polarity", "ageing", "electrode-sheet", "viscous-load",
-    "piezoelectric-dispersion",
+    "piezoelectric-dispersion", "fixture-residual", "analyzer-error", "vessel-echo", "piston-radiation",
+    "partial-layer", "closing-void", "curing", "glue-meniscus", "field-nonlinearity",
 }  # fmt: skip
 WHERES = ("terminals", "sweep", "face:back", "face:front", "layer:", "interface:")
 F = np.linspace(1e6, 15e6, 120)
 WIDE = np.geomspace(40.0, 110e6, 120)
 WEIGHTS, STEPS = np.array([-1, 9, -45, 45, -9, 1]) / 60, (-3, -2, -1, 1, 2, 3)
-APPROXIMATE = {"sweep-lag": 1e-2, "drive-nonlinearity": 1e-3}
+APPROXIMATE = {"sweep-lag": 1e-2, "drive-nonlinearity": 1e-3, "field-nonlinearity": 1e-3}
 """Accuracy of derivatives where the memory has few delays, or the softening is found by iteration."""
 LINEAR = [effect for effect in catalogue() if effect.stage < Stage.ACQUISITION]
 
