@@ -16,6 +16,7 @@ from ..engine.parameters.coordinates import Coordinates
 from ..engine.recording import Prior, Recording
 from ..interface import FitResult, FitTask
 from ..uncertainty.fit_result import least_squares_answer
+from ..user_effects import every_effect
 from .manual_choices import NAME, Kept
 
 
@@ -60,7 +61,8 @@ class _StackFitSetup:
         self.priors = priors
 
     def places(self, names: Iterable[str] | None = None) -> tuple[Candidate, ...]:
-        return candidates(self._problem, names)
+        everything = (effect.name for effect in every_effect())  # by hand, also what no diagnosis looks for unnamed
+        return candidates(self._problem, everything if names is None else names)
 
     def with_effects(self, effects: Sequence[Candidate]) -> tuple[Recording, ...]:
         return self._problem.with_effects(effects)

@@ -117,7 +117,7 @@ def _limits(lower: float, upper: float) -> list[float | None]:
 
 
 def _example(effect: "Effect") -> "tuple[Stack, str]":
-    """Return a stack with a place for the effect, and its name: a disk with a matching layer, or two rings."""
+    """Return a stack with a place for the effect, and its name: a matched disk, one in water, or two rings."""
     from dataclasses import replace
 
     from ....models.stack import AIR, Elastic, HalfSpace, Piezo
@@ -127,6 +127,9 @@ def _example(effect: "Effect") -> "tuple[Stack, str]":
     transducer = (HalfSpace("backing", 5e6) | disk | glue | ml1 | AIR).with_area(7.854e-5)
     if effect.places(transducer):
         return transducer, "a disk of 10 mm x 0.5 mm"
+    wet = replace(transducer, front=HalfSpace("water", 1.48e6))
+    if effect.places(wet):
+        return wet, "a disk of 10 mm x 0.5 mm in water"
     ring1, ring2 = (replace(disk, name=name, thickness=2e-3) for name in ("ring1", "ring2"))
     tail, head = Elastic("tail", 10e-3, 46e6, 5900.0, 1000.0), Elastic("head", 10e-3, 17e6, 6300.0, 1000.0)
     return (AIR | tail | ring1 | ring2 | head | AIR).with_area(7.854e-5), "two rings of 10 mm x 2 mm between masses"

@@ -50,7 +50,7 @@ def test_a_lead_on_a_device_of_unknown_structure_is_named_and_its_circuit_recove
 
 
 def test_what_acts_inside_a_stack_is_refused_for_another_model() -> None:
-    with pytest.raises(TaskError, match=r"acts in the layers of a stack.* can have cable, electrode-sheet, lead-"):
+    with pytest.raises(TaskError, match=r"acts in the layers of a stack.* can have cable, electrode-sheet, fixture-"):
         diagnose(FitTask(None, {}), ("electrode-mass",), fitter=ButterworthVanDyke())
     known = "mason, stack2d, radial, disk, disk2d and bvd"
     with pytest.raises(TaskError, match=rf"'sherrit-radial' cannot be diagnosed.* {known}"):
