@@ -7,7 +7,6 @@ from typing import Literal
 import numpy as np
 
 from ...models.effects import EffectParameter
-from ..diagnosis.hypotheses.problem import Candidate
 from ..disk.planar_result import PLANAR_UNITS
 from ..engine.objective import LOADS
 from ..engine.recording import Prior
@@ -48,16 +47,14 @@ def handles_of(
     names: Iterable[str],
     values: Mapping[str, float],
     priors: Iterable[Prior],
-    effects: Iterable[Candidate],
+    effect_parameters: Mapping[str, EffectParameter],
     free: Iterable[str],
 ) -> tuple[Adjustable, ...]:
-    """Return an adjustable for each coordinate in `names`; `values` are the model parameters of the fit."""
+    """Return an adjustable for each coordinate in `names`; `values` are the model parameters of the fit.
+
+    `effect_parameters`: those of chosen effects and of those that the build states, by full name.
+    """
     known = {prior.parameter.removesuffix(".re"): prior.u for prior in priors}
-    effect_parameters = {
-        name: knob
-        for candidate in effects
-        for name, knob in zip(candidate.parameters, candidate.effect_parameters, strict=True)
-    }
     moving = set(free)
     return tuple(
         _of_effect(name, effect_parameters[name], values[name], name in moving)
@@ -129,6 +126,6 @@ def _loss(name: str, value: float, free: bool) -> Adjustable:
 
 
 def _of_effect(name: str, knob: EffectParameter, value: float, free: bool) -> Adjustable:
-    low = max(knob.lower, min(knob.null - _TYPICAL * knob.typical, value))
-    high = min(knob.upper, max(knob.null + _TYPICAL * knob.typical, value))
+    low = max(knob.lower, min(knob.null - _TYPICAL * knob.typical, value - abs(value)))
+    high = min(knob.upper, max(knob.null + _TYPICAL * knob.typical, value + abs(value)))
     return Adjustable(name, knob.unit, value, low, high, "linear", free)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...models.build import Build
+from ...models.effects import Device, EffectParameter
 from ...models.effects.base.effect import SWEEP
 from ...models.sweep import Sweep
 from ..diagnosis.hypotheses.problem import Candidate
@@ -221,7 +222,19 @@ def _handles(
     posed: FitSetup, effects: Sequence[Candidate], coordinates: Coordinates, x: NDArray[np.float64]
 ) -> tuple[Adjustable, ...]:
     values, _ = coordinates.forward(x)
-    return handles_of(coordinates.names, values, posed.priors, effects, coordinates.free)
+    return handles_of(coordinates.names, values, posed.priors, _effect_parameters(posed, effects), coordinates.free)
+
+
+def _effect_parameters(posed: FitSetup, effects: Sequence[Candidate]) -> dict[str, EffectParameter]:
+    """Return the parameters of chosen effects, and of those that the build states, by full name."""
+    found: dict[str, EffectParameter] = {}
+    for device in (recording.model for recording in posed.recordings):
+        for one in device.added if isinstance(device, Device) else ():
+            knobs = one.effect.parameters_in(device.bare, device.reference, one.where)
+            found |= {one.prefix + knob.name: knob for knob in knobs}
+    for chosen in effects:
+        found |= dict(zip(chosen.parameters, chosen.effect_parameters, strict=True))
+    return found
 
 
 def _effects(posed: FitSetup, choices: Choices) -> tuple[Candidate, ...]:

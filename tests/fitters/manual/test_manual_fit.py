@@ -11,7 +11,7 @@ from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitError, FitTask
 from pzctl.fitters.layered.mason import Mason
 from pzctl.fitters.manual.manual_fit import Choices, ManualFit
-from pzctl.models.build import Build
+from pzctl.models.build import Build, EffectSpec, Quantity
 from pzctl.models.effects import Device, find_effect
 from pzctl.models.sweep import Sweep
 
@@ -46,6 +46,29 @@ def test_only_free_constants_move_starting_from_the_chosen_values(task: FitTask)
     assert result.constants["disk.c33D"].u_re
     assert result.constants["disk.h33"].u_re == 0
     assert hand.look(there).chi2_per_dof == pytest.approx(result.chi2_per_dof, rel=0.01)
+
+
+def test_the_slider_of_a_law_of_the_build_has_its_unit_and_moves_the_curve(task: FitTask, build: Build) -> None:
+    """As large on the slider as it may become: twice its value, or what is large in such a device."""
+    law = EffectSpec(
+        "learned",
+        "terminals",
+        values={"size": Quantity(3.0, u=0.1), "size_2": Quantity(0.5, u=0.01)},
+        quantity="series",
+        law="resistance+inertance",
+    )
+    hand = ManualFit(replace(task, build=replace(build, effects=(law,))))
+    size = next(one for one in hand.look().handles if one.name == "learned@terminals.size")
+    assert (size.value, size.unit, size.low) == (pytest.approx(3.0), "ohm", 0.0)
+    assert size.high >= 6.0
+    before, after = (hand.look(Choices(values={size.name: ohm})).curves[0].fitted for ohm in (3.0, 5.0))
+    np.testing.assert_allclose(after - before, 2.0, rtol=1e-6)
+
+
+def test_what_no_diagnosis_looks_for_unnamed_can_be_chosen_by_hand(task: FitTask) -> None:
+    assert ManualFit(task).places()["fixture-residual"] == ("terminals",)
+    result, _ = ManualFit(task).fit(Choices(effects=(("fixture-residual", "terminals"),)))
+    assert result.constants["fixture-residual@terminals.inductance"].re == pytest.approx(2e-8, rel=0.02)
 
 
 def test_an_effect_chosen_by_hand_is_fitted_with_its_size(task: FitTask) -> None:
