@@ -228,8 +228,9 @@ def _handles(
 def _effect_parameters(posed: FitSetup, effects: Sequence[Candidate]) -> dict[str, EffectParameter]:
     """Return the parameters of chosen effects, and of those that the build states, by full name."""
     found: dict[str, EffectParameter] = {}
-    for device in (recording.model for recording in posed.recordings):
-        for one in device.added if isinstance(device, Device) else ():
+    devices = (recording.model for recording in posed.recordings)
+    for device in (one for one in devices if isinstance(one, Device)):
+        for one in device.added:
             knobs = one.effect.parameters_in(device.bare, device.reference, one.where)
             found |= {one.prefix + knob.name: knob for knob in knobs}
     for chosen in effects:

@@ -1,12 +1,12 @@
 """`field-nonlinearity`: permittivity and coupling that rise with the field of the oscillator level."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import pi, sqrt
 
 import numpy as np
 
-from ..base.arrays import Complexes, Frequencies
+from ..base.arrays import Complexes, Frequencies, Reals
 from ..stack import Piezo, Stack
 from .base.assembly import Assembly, Record
 from .base.effect import Effect, EffectParameter, Stage, layer_at
@@ -78,24 +78,25 @@ class _InField(Record):
 
     def _there(self, device: Assembly, frequency: Frequencies) -> Assembly:
         """Return the device with its constants in the field of each point."""
-        Z = device.steady(frequency)
         made = device
         for _ in range(_ROUNDS):
-            volt = sqrt(2) * device.conditions.level_V * np.abs(Z / (Z + USUAL_SOURCE))
+            seen = made.steady(frequency)
+            volt = sqrt(2) * device.conditions.level_V * np.abs(seen / (seen + USUAL_SOURCE))
             eps, h = (self._factor(size, volt / self._thickness(device)) for size in (self.permittivity, self.coupling))
 
             def changed(layer: Piezo, eps: Complexes = eps, h: Complexes = h) -> Piezo:
                 return replace(layer, eps_law=Factor(layer.eps_law, eps), h_law=Factor(layer.h_law, h))
 
-            moved = device.each_stack(lambda stack, changed=changed: with_piezo(stack, self.layer, changed))
-            made = device.with_parts(moved.parts)
-            Z = made.steady(frequency)
+            def moved(stack: Stack, changed: Callable[[Piezo], Piezo] = changed) -> Stack:
+                return with_piezo(stack, self.layer, changed)
+
+            made = device.with_parts(device.each_stack(moved).parts)
         return made
 
     def _thickness(self, device: Assembly) -> float:
         return next(one.thickness for one in device.stack.layers if isinstance(one, Piezo) and one.name == self.layer)
 
-    def _factor(self, size: float, field: Complexes) -> Complexes:
+    def _factor(self, size: float, field: Reals) -> Complexes:
         change = np.clip(size * field, -_MOST, _MOST)
         return np.asarray(1 + change * (1 - 1j * _RAYLEIGH), np.complex128)
 
