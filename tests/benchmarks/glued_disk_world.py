@@ -55,15 +55,15 @@ class GluedDiskCase:
         """The build file: sizes and constants as uncertain as a laboratory knows them."""
         rng = np.random.default_rng([31, self.disk.seed])
         layers = (
-            ("glue1", "glue", self.glue, self.glue_thickness, 0.25),
-            ("ml1", "matching", self.matching, self.matching_thickness, 0.01),
+            ("glue1", self.glue, self.glue_thickness, 0.25),
+            ("ml1", self.matching, self.matching_thickness, 0.01),
         )
         text = ""
-        for name, kind, of, thickness, doubt in layers:
+        for name, of, thickness, doubt in layers:
             told = thickness * (1 + doubt * rng.uniform(-1, 1))
             z, c = of.z * (1 + 0.04 * rng.uniform(-1, 1)), of.speed * (1 + 0.02 * rng.uniform(-1, 1))
             text += (
-                f'[[layers]]\nname = "{name}"\nkind = "{kind}"\n'
+                f'[[layers]]\nname = "{name}"\nkind = "elastic"\n'
                 f"thickness_mm = {{ value = {1e3 * told:.5f}, u = {1e3 * doubt * thickness:.5f} }}\n"
                 f"z_MRayl = {{ value = {1e-6 * z:.4f}, u = {5e-8 * z:.4f} }}\n"
                 f"c_m_s = {{ value = {c:.0f}, u = {0.03 * c:.0f} }}\n"
