@@ -67,7 +67,7 @@ class GluedDiskCase:
                 f"thickness_mm = {{ value = {1e3 * told:.5f}, u = {1e3 * doubt * thickness:.5f} }}\n"
                 f"z_MRayl = {{ value = {1e-6 * z:.4f}, u = {5e-8 * z:.4f} }}\n"
                 f"c_m_s = {{ value = {c:.0f}, u = {0.03 * c:.0f} }}\n"
-                f"Q = {{ value = {of.q * (1 + 0.3 * rng.uniform(-1, 1)):.1f}, u = {0.3 * of.q:.1f} }}\n"
+                f"q = {{ value = {of.q * (1 + 0.3 * rng.uniform(-1, 1)):.1f}, u = {0.3 * of.q:.1f} }}\n"
                 f"poisson = {of.poisson}\n"
             )
         glued = '[[steps]]\nname = "ml1"\nlayers = ["disk", "glue1", "ml1"]\n'
