@@ -110,6 +110,12 @@ class CrossSection:
         return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, tuple(orders), piezo)
 
     @property
+    def is_whole(self) -> bool:
+        """Whether these are all functions of the layers' degrees."""
+        nodes, functions = self.shapes["u"].shape
+        return nodes == functions
+
+    @property
     def layers(self) -> int:
         """Number of layers."""
         return len(self.orders)

@@ -91,8 +91,11 @@ class Stack2D:
         return replace(self, layers=tuple(o.with_law(kind, change) if o.name == layer else o for o in self.layers))
 
     def faces_for(self, load: type[Load]) -> tuple[str, ...]:
-        """Return the interfaces, at which a bond may be open; nothing else lies on its faces. See `HasFaces`."""
-        if load is not OpenBond:
+        """Return the interfaces, at which a bond may be open; nothing else lies on its faces. See `HasFaces`.
+
+        None if the section is reduced: the motion at an opening needs functions of its own.
+        """
+        if load is not OpenBond or not self.section.is_whole:
             return ()
         return tuple(f"interface:{a.name}|{b.name}" for a, b in pairwise(self.layers))
 

@@ -20,6 +20,7 @@ class Stack2DFitter:
 
     name = NAME
     version = "1"
+    has_laws = True
     summary = "a glued stack of finite diameter in two dimensions: lateral modes of disk, glue and layers together"
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
