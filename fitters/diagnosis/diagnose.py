@@ -359,8 +359,12 @@ def _possible(effects: Iterable[str] | None, fitter: Diagnosable | None) -> tupl
     named = None if effects is None else tuple(effects)
     if fitter is None or named is None:
         return named
-    lawful = getattr(fitter, "has_laws", False)
-    outside = [one.name for one in every_effect() if one.outside or (one.of_laws and lawful)]
+    lawful, loads = getattr(fitter, "has_laws", False), getattr(fitter, "loads", ())
+    outside = [
+        one.name
+        for one in every_effect()
+        if one.outside or (one.of_laws and lawful) or (one.lies_on_faces is not None and one.lies_on_faces in loads)
+    ]
     for name in named:
         if name not in outside:
             raise TaskError(

@@ -10,6 +10,7 @@ class PartialLayer(BondVoid):
     """Y = (1 - phi) Y(covered) + phi Y(bare): the part of the face beside the layer vibrates as if there were none."""
 
     name = "partial-layer"
+    lies_on_faces = None
     only_named = True
     says = "{where} does not cover the whole face: it is smaller, or was glued on beside its place."
     separates = "look from above: the bare part of the face is that of the area"

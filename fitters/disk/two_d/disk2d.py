@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from ....models.base.face_loads import Coat, DeadLayer
 from ....models.constants.passivity import passivity_margin
 from ....models.disk2d.disk_model import Disk2D
 from ....models.disk2d.training import HIGHEST
@@ -37,6 +38,7 @@ class Disk2DFitter:
     summary = "all ten complex constants of a round disk in two dimensions: radial, edge and thickness modes together"
 
     has_laws = True
+    loads = (Coat, DeadLayer)
 
     def fit(self, task: FitTask, progress: Callable[[str], None] = lambda _: None) -> FitResult:
         """Fit the ten constants to all recordings of the bare disk.
