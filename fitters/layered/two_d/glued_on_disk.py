@@ -34,7 +34,7 @@ _POINTS = 80
 """Points of each sweep: a stack with an open bond takes three times as long as one without."""
 _LESS = 0.5
 """Part of what a bonded stack leaves of ln Z that an open one leaves at most to be what is there."""
-_LEVELS, _TOLERANCE, _MOST = (0.3, 0.1, 0.02), 1e-3, 12
+_LEVELS, _TOLERANCE, _MOST = (0.3, 0.1, 0.02, 0.004, 0.0), 1e-4, 20
 """Successive misfits of ln Z that count as noise while an opening is fitted, tolerance and steps of each descent."""
 _FLATTEST = 1e-6
 
