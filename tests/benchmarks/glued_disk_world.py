@@ -103,7 +103,7 @@ class FeGluedDisk(SkfemStack):
         mass = sum(layer.density * forms[-1] for layer, forms in zip(self.layers, self.forms, strict=True))
         made = []
         for f in frequency:
-            tens = [constants_at(self.case.disk, f) if layer.piezo else layer.ten for layer in self.layers]
+            tens = [constants_at(self.case.disk, f) if layer.piezo else self.elastic(layer, f) for layer in self.layers]
             A = sum(
                 w * form
                 for ten, forms in zip(tens, self.forms, strict=True)
@@ -116,6 +116,14 @@ class FeGluedDisk(SkfemStack):
             x[self.free] = splu(A[self.free][:, self.free].tocsc()).solve(-(A @ x)[self.free])
             made.append(1 / (2j * np.pi * f * -2 * np.pi * (x @ (A @ x))))
         return np.array(made)
+
+    def elastic(self, layer, f):
+        """Return the constants of another layer: causal where the disk's losses are not the same at all frequencies."""
+        own = layer.ten
+        if self.case.disk.law == "constant":
+            return own
+        phase = np.angle(own[0])
+        return np.abs(own) * (1j * f / self.case.disk.centre) ** (2 * phase / np.pi)
 
 
 def written_glued(seed, folder):

@@ -1,6 +1,5 @@
 """Glued steps in two dimensions on a disk that is known from its own recordings."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -12,11 +11,12 @@ from ....models.base.face_loads import OpenBond
 from ....models.base.model import Model
 from ....models.build import EffectSpec
 from ....models.effects import Device, Effect, EffectParameter, catalogue
-from ....models.stack.loss_laws import LossLaw, StackError
+from ....models.stack import CausalConstantQ
+from ....models.stack.loss_laws import CONSTANT, LossLaw, StackError
 from ....models.stack2d.stack_model import Stack2D, full_section
 from ....models.sweep import Sweep
 from ...disk.two_d.misfit_as_noise import left_of
-from ...disk.two_d.reference import tensor_of
+from ...disk.two_d.reference import reference_of, tensor_of
 from ...engine.covariance import curvature
 from ...engine.descent import Descent, descend
 from ...engine.fitted_model import Seed
@@ -78,15 +78,30 @@ def glued_on(disk: KnownDisk, task: FitTask, progress: Callable[[str], None]) ->
     plate = one_dimensional(problem, progress)
     values = {**nominal(problem, tensor_of(disk.values, problem.disk.name)), **plate, **disk.values}
     glued = replace(glued, build=replace(problem.build, effects=disk.effects), told=disk.told)
-    near = fitted_glue(glued, values, disk.law, progress, NEAR)
-    if described(near):
-        return _with_all_functions(under_diagnosis(near, (), _POINTS))
+    fits: list[StackUnderDiagnosis] = []
+    for law in _laws(disk, glued):
+        near = fitted_glue(replace(glued, elastic_law=law), values, disk.law, progress, NEAR)
+        fits.append(_with_all_functions(under_diagnosis(near, (), _POINTS)))
+        if described(near):
+            return fits[-1]
     progress("trying bonds that are open in the middle")
-    bonded = _with_all_functions(under_diagnosis(near, (), _POINTS))
-    opened = _opened(bonded)
-    if min((left for left, _ in opened), default=math.inf) < _LESS * _left(bonded):
-        return replace(bonded, seeds=tuple(seed for _, seed in opened))
-    return _with_all_functions(under_diagnosis(fitted_glue(glued, values, disk.law, progress), (), _POINTS))
+    bonded, other = sorted(fits, key=_left)
+    bonds = _open_bonds(bonded)
+    best = min(bonds, key=lambda bond: bond.left, default=None)
+    if best is None or best.left > _LESS * _left(bonded):
+        whole = fitted_glue(replace(glued, elastic_law=bonded.problem.elastic_law), values, disk.law, progress)
+        return _with_all_functions(under_diagnosis(whole, (), _POINTS))
+    again = [_fitted_again(bond, other) for bond in bonds]
+    if min(bond.left for bond in again) < best.left:
+        bonded, bonds = other, again
+    return replace(bonded, seeds=tuple(bond.seed for bond in bonds))
+
+
+def _laws(disk: KnownDisk, glued: StackProblem) -> tuple[LossLaw, LossLaw]:
+    """Return the laws that the layers glued on may have, that of the disk first."""
+    if isinstance(disk.law, CausalConstantQ):
+        return disk.law, CONSTANT
+    return disk.law, CausalConstantQ(reference_of(glued.every_sweep, disk.values, glued.disk.name))
 
 
 def _thinned(problem: StackProblem, steps: Sequence[str]) -> StackProblem:
@@ -123,19 +138,43 @@ def _left(fitted: StackUnderDiagnosis) -> float:
     return left_of(objective.recordings, objective.coordinates, fitted.descent.x)
 
 
-def _opened(whole: StackUnderDiagnosis) -> list[tuple[float, Seed]]:
-    """Return the stack with each bond open in turn, from the best of several sizes, and what it leaves."""
-    made, known = list[tuple[float, Seed]](), list[tuple[_OpenBond, float, Mapping[str, float]]]()
+@dataclass(frozen=True, eq=False)
+class _FittedBond:
+    """The stack fitted with one bond open."""
+
+    effect: Effect
+    where: str
+    size: str
+    """Name of the parameter."""
+    left: float
+    """Norm of what is left of ln Z."""
+    values: Mapping[str, float]
+
+    @property
+    def seed(self) -> Seed:
+        """Where a search for effects begins."""
+        return Seed(frozenset([(self.effect.name, self.where)]), self.values)
+
+
+def _open_bonds(whole: StackUnderDiagnosis) -> list[_FittedBond]:
+    """Return the stack with each bond open in turn, from the best of several sizes."""
+    made, known = list[_FittedBond](), list[tuple[_OpenBond, float, Mapping[str, float]]]()
     for effect in (one for one in catalogue() if one.lies_on_faces is OpenBond):
         for where in effect.places(whole.scale):
             own = _OpenBond.at(whole, effect, where)
             same = next((one for one in known if one[0].apart == own.apart), None)
             if same is None:  # else both faces of a layer of glue are open alike
-                same = (own, *own.fitted(whole))
+                same = (own, *own.fitted(whole, [{**_as_stated(whole), own.name: value} for value in own.size.scan]))
                 known.append(same)
             there, left, values = same
-            made.append((left, Seed(frozenset([(effect.name, where)]), {**values, own.name: values[there.name]})))
+            made.append(_FittedBond(effect, where, own.name, left, {**values, own.name: values[there.name]}))
     return made
+
+
+def _fitted_again(bond: _FittedBond, whole: StackUnderDiagnosis) -> _FittedBond:
+    """Return the same bond open in a stack whose layers have another law of losses."""
+    left, values = _OpenBond.at(whole, bond.effect, bond.where).fitted(whole, [bond.values])
+    return replace(bond, left=left, values=values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,17 +209,19 @@ class _OpenBond:
         opened = with_it.replace({self.name: self.size.scan[0]}).assembly.whole
         return opened.opening.apart if isinstance(opened, Stack2D) and opened.opening is not None else None
 
-    def fitted(self, whole: StackUnderDiagnosis) -> tuple[float, Mapping[str, float]]:
+    def fitted(
+        self, whole: StackUnderDiagnosis, starts: Sequence[Mapping[str, float]]
+    ) -> tuple[float, Mapping[str, float]]:
         """Return what is left with the bond open, and every parameter.
 
-        All sizes are followed for a few steps, the best of these to its end.
+        All starts are followed for a few steps, the best of these to its end.
         """
         before = whole.descent.objective
         blocks = (*before.coordinates.blocks, between(self.name, self.size.lower, self.size.upper))
-        free, stated = (*before.coordinates.free, self.name), _as_stated(whole)
-        starts = [Coordinates(blocks, {**stated, self.name: value}, free) for value in self.size.scan]
+        free = (*before.coordinates.free, self.name)
+        each = [Coordinates(blocks, {**before.coordinates.start, **start}, free) for start in starts]
         first, *closer = _LEVELS
-        coordinates, ends = starts[0], [_descended(self.recordings, before, one, one.x, first) for one in starts]
+        coordinates, ends = each[0], [_descended(self.recordings, before, one, one.x, first) for one in each]
         x = min(ends, key=lambda x: left_of(self.recordings, coordinates, x))
         for misfit in closer:
             x = _descended(self.recordings, before, coordinates, x, misfit)

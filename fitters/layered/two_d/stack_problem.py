@@ -48,6 +48,8 @@ class StackProblem:
     free: tuple[str, ...] | None
     told: Posterior | None = None
     """What is known of the piezoelectric layer from recordings of its own, in place of what is usual."""
+    elastic_law: LossLaw | None = None
+    """Law of losses of the other layers; None if it is that of the ceramic."""
 
     @property
     def disk(self) -> LayerSpec:
@@ -145,7 +147,7 @@ def stack_of(problem: StackProblem, step: str, values: Mapping[str, float], law:
             layers.append(Ceramic2D(name, tensor_of(values, name), thickness, values[f"{name}.density"], law))
         else:
             z, c, q, poisson = (values[f"{name}.{key}"] for key in ("z", "c", "q", "poisson"))
-            layers.append(Isotropic(name, thickness, z, c, q, poisson, law))
+            layers.append(Isotropic(name, thickness, z, c, q, poisson, problem.elastic_law or law))
     highest = max(high for _, high in problem.bands(step))
     section = full_section(layers, highest)
     back, front = (values.get(f"{face}.z", 0.0) for face in ("back", "front"))
