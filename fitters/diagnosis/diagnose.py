@@ -12,7 +12,7 @@ from ...models.effects.learned.learned import LearnedLaw
 from ..disk.two_d.disk2d import Disk2DFitter
 from ..engine.fitted_model import Diagnosable, FittedModel
 from ..error_model.uncertainty_sources import taken_up
-from ..interface import Curve, FitError, FitTask, TaskError
+from ..interface import UNCOMPUTABLE, Curve, FitError, FitTask, TaskError
 from ..layered.two_d.stack2d import Stack2DFitter
 from ..layered.two_d.stack_under_diagnosis import StackUnderDiagnosis
 from ..plugins import DEFAULT, load_fitter
@@ -218,9 +218,12 @@ class _FiniteDiameter:
         search.run()
         modelled, found = replace(wanted, learn=False, others={}, fitter=Disk2DFitter()), conclude(search)
         said = _told(search, choice, found, gated, modelled, began)
-        glued = glued_model(self.task, wide.tried, problem, found.final, wanted.progress)
-        if glued is not None:
-            said = together(said, self._of_glued(glued, gated, began))
+        left_out: tuple[str, ...] = ()
+        try:
+            glued = glued_model(self.task, wide.tried, problem, found.final, wanted.progress)
+            said = said if glued is None else together(said, self._of_glued(glued, gated, began))
+        except UNCOMPUTABLE as error:
+            left_out = (f"What was glued to the disk is not diagnosed: {error}.",)
         held = held_out_chi2(self.problem, null)
         rim = lateral.finding_of(wide, null, held, said.final)
         findings = [*(one for one in said.findings if not _of_the_disk(one)), rim]
@@ -232,7 +235,7 @@ class _FiniteDiameter:
             verdict=verdict,
             baseline=FitSummary(null.chi2_per_dof, held, constants_of(self.problem, self.bare)),
             findings=tuple(findings),
-            says=(*_says(verdict, findings, said.remaining), *([_NOT_CARRIED] if wanted.others else [])),
+            says=(*_says(verdict, findings, said.remaining), *left_out, *([_NOT_CARRIED] if wanted.others else [])),
             before=before,
             after=lateral.curves(said.after, before),
         )

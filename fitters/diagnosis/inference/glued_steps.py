@@ -7,7 +7,7 @@ import numpy as np
 
 from ....models.build import EffectSpec, Quantity
 from ...engine.recording import Recording
-from ...interface import Curve, FitError, FitTask
+from ...interface import Curve, FitTask
 from ...layered.two_d.glued_on_disk import KnownDisk, glued_on, told_of
 from ...layered.two_d.stack_under_diagnosis import StackUnderDiagnosis
 from ...uncertainty.fit_result import curves_of
@@ -21,7 +21,10 @@ from .finite_diameter import DiskTried
 def glued_model(
     task: FitTask, tried: DiskTried, problem: Problem, final: Hypothesis, progress: Callable[[str], None]
 ) -> StackUnderDiagnosis | None:
-    """Return the model of the glued steps on the disk as `problem`, its own, found it; None if there are none."""
+    """Return the model of the glued steps on the disk as `problem`, its own, found it; None if there are none.
+
+    Raises FitError for a build that has what stacks in two dimensions lack.
+    """
     values = {name: value for name, value in final.values.items() if "@" not in name}
     layer = tried.alone.disk.layer.name
     known = KnownDisk(
@@ -30,10 +33,7 @@ def glued_model(
         told_of(as_refit(problem, final).descent, layer),
         tuple(_stated(one, final) for one in final.effects if one.effect.outside or one.effect.of_laws),
     )
-    try:
-        return glued_on(known, task, progress)
-    except FitError:  # the build has what stacks in two dimensions lack
-        return None
+    return glued_on(known, task, progress)
 
 
 def curves_at_every_point(task: FitTask, problem: Problem, final: Hypothesis) -> tuple[Curve, ...]:
