@@ -1,4 +1,4 @@
-"""Fitter stack2d: a known glued stack, its coordinates, and refusals."""
+"""Fitter stack2d: a known glued stack, its coordinates, and refusals; glued steps on a disk that is known."""
 
 from dataclasses import replace
 
@@ -7,9 +7,11 @@ import pytest
 from complex_ceramic import TENSOR
 
 from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.fitters.disk.two_d.tensor_coordinates import COORDINATES
 from pzctl.fitters.engine.objective import Objective
-from pzctl.fitters.engine.recording import Recording
+from pzctl.fitters.engine.recording import Posterior, Recording
 from pzctl.fitters.interface import FitError, FitTask, TaskError
+from pzctl.fitters.layered.two_d.glued_on_disk import KnownDisk, glued_on
 from pzctl.fitters.layered.two_d.plate_block import plate_block
 from pzctl.fitters.layered.two_d.stack2d import Stack2DFitter
 from pzctl.fitters.layered.two_d.stack_problem import (
@@ -227,3 +229,27 @@ def test_recordings_above_its_reach_are_refused():
         Stack2DFitter().fit(
             FitTask(parse_build(BUILD, "build.toml"), {"disk": (Sweep(f, 1 / (2j * np.pi * f * 1e-9)),)})
         )
+
+
+def known_disk():
+    """Return the disk of the recordings, known to 1e-4."""
+    values = {**tensor_values("disk", DISK.constants), "disk.thickness": 1.001e-3, "disk.density": 7700.0}
+    block = plate_block("disk")
+    x = block.inverse(np.array([values[name] for name in block.parameters]))
+    told = Posterior(tuple(f"disk.{name}" for name in COORDINATES), x, np.eye(x.size) / 1e-4)
+    return KnownDisk({**values, "area": np.pi * 3e-3**2}, CONSTANT, told, ())
+
+
+def glued(sweeps):
+    task = FitTask(parse_build(BUILD, "build.toml"), {"disk": recorded(DISK), "ml1": sweeps})
+    return glued_on(known_disk(), task, lambda _: None)
+
+
+def test_layers_are_found_on_a_known_disk():
+    found = glued(recorded(DISK, GLUE, MATCHING, seed=1))
+    assert not found.seeds
+    objective = found.descent.objective
+    values, _ = objective.coordinates.forward(found.descent.x)
+    for layer, name in ((GLUE, "glue1"), (MATCHING, "ml1")):
+        assert values[f"{name}.thickness"] / values[f"{name}.c"] == pytest.approx(layer.thickness / layer.c, rel=0.05)
+    assert values["ml1.z"] == pytest.approx(MATCHING.z, rel=0.02)
