@@ -1,11 +1,14 @@
 """The glued steps of a disk of finite diameter: their model, and the diagnoses of disk and glued steps as one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ....models.build import EffectSpec, Quantity
+from ....models.effects import EffectParameter
+from ....models.stack import Stack
+from ...engine.parameters.assembly import stack_of
 from ...engine.recording import Recording
 from ...interface import Curve, FitTask
 from ...layered.two_d.glued_on_disk import KnownDisk, glued_on, told_of
@@ -26,12 +29,13 @@ def glued_model(
     Raises FitError for a build that has what stacks in two dimensions lack.
     """
     values = {name: value for name, value in final.values.items() if "@" not in name}
-    layer = tried.alone.disk.layer.name
+    disk = tried.alone.disk
+    plate = stack_of(disk.build, disk.build.step(disk.step))
     known = KnownDisk(
         values,
         tried.whole.model.law,
-        told_of(as_refit(problem, final).descent, layer),
-        tuple(_stated(one, final) for one in final.effects if one.effect.outside or one.effect.of_laws),
+        told_of(as_refit(problem, final).descent, disk.layer.name),
+        tuple(_stated(one, final, plate) for one in final.effects if one.effect.outside or one.effect.of_laws),
     )
     return glued_on(known, task, progress)
 
@@ -53,10 +57,19 @@ def curves_at_every_point(task: FitTask, problem: Problem, final: Hypothesis) ->
     return curves_of(found.objective.with_recordings(whole), found.descent.x, found.descent.x)
 
 
-def _stated(one: Candidate, final: Hypothesis) -> EffectSpec:
-    """Return an effect with the sizes found, as a build states what is known."""
-    values = {knob.name: Quantity(final.values[one.prefix + knob.name]) for knob in one.effect_parameters}
-    return EffectSpec(one.effect.name, one.where, values)
+def _stated(one: Candidate, final: Hypothesis, plate: Stack) -> EffectSpec:
+    """Return an effect with the sizes found, as a build states what is known.
+
+    `plate`: the disk without its law of losses. What an effect needs beside that only, as the companion of a loss, a
+    causal disk has whole.
+    """
+    values = {knob.name: knob.upper if knob.fraction else knob.null for knob in _knobs(one, plate)}
+    values |= {knob.name: final.values[one.prefix + knob.name] for knob in one.effect_parameters}
+    return EffectSpec(one.effect.name, one.where, {name: Quantity(value) for name, value in values.items()})
+
+
+def _knobs(one: Candidate, plate: Stack) -> Sequence[EffectParameter]:
+    return one.effect.effect_parameters(plate, one.where)
 
 
 def together(of_disk: Diagnosis, of_glued: Diagnosis) -> Diagnosis:
