@@ -76,8 +76,8 @@ def glued_on(disk: KnownDisk, task: FitTask, progress: Callable[[str], None]) ->
     if not glued.sweeps:
         return None
     plate = one_dimensional(problem, progress)
-    values = {**nominal(problem, tensor_of(disk.values, problem.disk.name)), **plate, **disk.values}
     glued = replace(glued, build=replace(problem.build, effects=disk.effects), told=disk.told)
+    values = {**nominal(glued, tensor_of(disk.values, problem.disk.name)), **plate, **disk.values}
     fits: list[StackUnderDiagnosis] = []
     for law in _laws(disk, glued):
         near = fitted_glue(replace(glued, elastic_law=law), values, disk.law, progress, NEAR)

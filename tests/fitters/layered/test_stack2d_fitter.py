@@ -23,6 +23,7 @@ from pzctl.fitters.layered.two_d.stack_problem import (
     tensor_values,
 )
 from pzctl.fitters.layered.two_d.stack_start import one_dimensional
+from pzctl.models.build import EffectSpec, Quantity
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.stack.loss_laws import CONSTANT, CausalConstantQ
 from pzctl.models.stack2d.layers2d import Ceramic2D, Isotropic
@@ -232,12 +233,18 @@ def test_recordings_above_its_reach_are_refused():
 
 
 def known_disk():
-    """Return the disk of the recordings, known to 1e-4."""
+    """Return the disk of the recordings, known to 1e-4, with a lead and a law of losses that change nothing."""
     values = {**tensor_values("disk", DISK.constants), "disk.thickness": 1.001e-3, "disk.density": 7700.0}
     block = plate_block("disk")
     x = block.inverse(np.array([values[name] for name in block.parameters]))
     told = Posterior(tuple(f"disk.{name}" for name in COORDINATES), x, np.eye(x.size) / 1e-4)
-    return KnownDisk({**values, "area": np.pi * 3e-3**2}, CONSTANT, told, ())
+    lead = {"inductance": 1e-12, "resistance": 0.0, "skin": 0.0, "capacitance": 0.0}
+    law = {"exponent": 0.0, "companion": 0.0}
+    beside = tuple(
+        EffectSpec(name, where, {key: Quantity(value) for key, value in sizes.items()})
+        for name, where, sizes in (("lead-inductance", "terminals", lead), ("loss-dispersion", "layer:disk", law))
+    )
+    return KnownDisk({**values, "area": np.pi * 3e-3**2}, CONSTANT, told, beside)
 
 
 def glued(sweeps):
