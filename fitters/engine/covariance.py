@@ -77,12 +77,19 @@ def curvature(objective: Objective, x: Reals) -> Curvature:
     return Curvature(rows, data, spread, _inverse_root(rows), scale)
 
 
-def posterior(descent: Descent) -> Posterior:
-    """Return the posterior of a descent as a prior for a later step: its minimum and its full curvature."""
-    objective = descent.objective
+def posterior(descent: Descent, layer: str = "") -> Posterior:
+    """Return the posterior of a descent as a prior for a later step: its minimum and its full curvature.
+
+    `layer`: of the coordinates of this layer alone, marginalised over all others; empty: of all coordinates.
+    """
+    objective, free = descent.objective, descent.objective.coordinates.free
+    own = [k for k, name in enumerate(free) if not layer or name.startswith(f"{layer}.")]
     mean, slope = objective.straight(descent.x)
     rows = curvature(objective, descent.x).rows / np.maximum(slope, _FLATTEST)
-    return Posterior(objective.coordinates.free, mean, np.asarray(np.linalg.qr(rows, mode="r")))
+    rest, rows = np.delete(rows, own, axis=1), rows[:, own]
+    if rest.size:
+        rows = rows - rest @ np.linalg.lstsq(rest, rows, rcond=_SINGULAR)[0]
+    return Posterior(tuple(free[k] for k in own), mean[own], np.asarray(np.linalg.qr(rows, mode="r")))
 
 
 def estimate(descent: Descent, judged: Objective | None = None) -> Estimate:

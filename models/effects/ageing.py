@@ -1,10 +1,9 @@
 """`ageing`: constants of a layer that are others in later steps: depoling, curing, logarithmic time."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 from ..stack import Stack
-from .base.assembly import Assembly, ParallelSection
+from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
 from .base.scale import active
 
@@ -47,14 +46,7 @@ class Ageing(Effect):
         factors = {
             f"{name}.{constant}.{part}": 1 + values[size] for size, constant in _PARTS.items() for part in ("re", "im")
         }
-
-        def aged(part: ParallelSection) -> list[ParallelSection]:
-            now = part.stack.parameters()
-            moved = {key: now[key] * factor for key, factor in factors.items() if key in now}
-            scale = {key: part.scale.get(key, 1.0) * factors[key] for key in moved}
-            return [replace(part, stack=part.stack.replace(moved), scale={**part.scale, **scale})]
-
-        return assembly.split(aged)
+        return assembly.scaled(factors)
 
 
 EFFECT = Ageing()

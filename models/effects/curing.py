@@ -1,12 +1,11 @@
 """`curing`: a passive layer, mostly glue, that is stiffer or less lossy from a later step on."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from ..stack import Elastic, Stack
-from .base.assembly import Assembly, ParallelSection
+from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
 
 
@@ -38,14 +37,7 @@ class Curing(Effect):
         """Return the device with the changed layer."""
         name, root = layer_at(where), float(np.sqrt(1 + values["stiffness"]))
         factors = {f"{name}.z": root, f"{name}.c": root, f"{name}.q": 1 / (1 + values["loss"])}
-
-        def cured(part: ParallelSection) -> list[ParallelSection]:
-            now = part.stack.parameters()
-            moved = {key: now[key] * factor for key, factor in factors.items() if key in now}
-            scale = {key: part.scale.get(key, 1.0) * factors[key] for key in moved}
-            return [replace(part, stack=part.stack.replace(moved), scale={**part.scale, **scale})]
-
-        return assembly.split(cured)
+        return assembly.scaled(factors)
 
 
 EFFECT = Curing()

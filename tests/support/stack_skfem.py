@@ -107,12 +107,16 @@ class SkfemStack:
         made = []
         for f in frequency:
             A = (still - (2 * np.pi * f) ** 2 * mass).tocsr()
-            x = np.zeros(A.shape[0], complex)
-            x[self.driven] = 1 / VOLT
-            right = -(A @ x)[self.free]
-            x[self.free] = splu(A[self.free][:, self.free].tocsc()).solve(right)
-            made.append(-2 * np.pi * (x @ (A @ x)))
+            made.append(self.driven_by_a_volt(A))
         return np.array(made)
+
+    def driven_by_a_volt(self, A):
+        """Return Y/(jw) in F with the matrix of one frequency."""
+        x = np.zeros(A.shape[0], complex)
+        x[self.driven] = 1 / VOLT
+        right = -(A @ x)[self.free]
+        x[self.free] = splu(A[self.free][:, self.free].tocsc()).solve(right)
+        return -2 * np.pi * (x @ (A @ x))
 
     def impedance(self, frequency):
         """Return Z in ohm, shape (N,)."""

@@ -1,17 +1,17 @@
 """The glued steps of a disk of finite diameter: their model, and the diagnoses of disk and glued steps as one."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from ....models.build import EffectSpec, Quantity
-from ....models.effects import EffectParameter
 from ....models.stack import Stack
+from ...engine.covariance import posterior
 from ...engine.parameters.assembly import stack_of
 from ...engine.recording import Recording
 from ...interface import Curve, FitTask
-from ...layered.two_d.glued_on_disk import KnownDisk, glued_on, told_of
+from ...layered.two_d.glued_on_disk import KnownDisk, glued_on
 from ...layered.two_d.stack_under_diagnosis import StackUnderDiagnosis
 from ...uncertainty.fit_result import curves_of
 from ..findings import Diagnosis, FitSummary, Verdict
@@ -34,7 +34,7 @@ def glued_model(
     known = KnownDisk(
         values,
         tried.whole.model.law,
-        told_of(as_refit(problem, final).descent, disk.layer.name),
+        posterior(as_refit(problem, final).descent, disk.layer.name),
         tuple(_stated(one, final, plate) for one in final.effects if one.effect.outside or one.effect.of_laws),
     )
     return glued_on(known, task, progress)
@@ -63,13 +63,10 @@ def _stated(one: Candidate, final: Hypothesis, plate: Stack) -> EffectSpec:
     `plate`: the disk without its law of losses. What an effect needs beside that only, as the companion of a loss, a
     causal disk has whole.
     """
-    values = {knob.name: knob.upper if knob.fraction else knob.null for knob in _knobs(one, plate)}
+    knobs = one.effect.effect_parameters(plate, one.where)
+    values = {knob.name: knob.upper if knob.fraction else knob.null for knob in knobs}
     values |= {knob.name: final.values[one.prefix + knob.name] for knob in one.effect_parameters}
     return EffectSpec(one.effect.name, one.where, {name: Quantity(value) for name, value in values.items()})
-
-
-def _knobs(one: Candidate, plate: Stack) -> Sequence[EffectParameter]:
-    return one.effect.effect_parameters(plate, one.where)
 
 
 def together(of_disk: Diagnosis, of_glued: Diagnosis) -> Diagnosis:

@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
-import numpy as np
-
 from ....models.base.arrays import Reals
 from ....models.base.face_loads import OpenBond
 from ....models.base.model import Model
@@ -17,8 +15,7 @@ from ....models.stack2d.stack_model import Stack2D, full_section
 from ....models.sweep import Sweep
 from ...disk.two_d.misfit_as_noise import left_of
 from ...disk.two_d.reference import reference_of, tensor_of
-from ...engine.covariance import curvature
-from ...engine.descent import Descent, descend
+from ...engine.descent import descend
 from ...engine.fitted_model import Seed
 from ...engine.objective import Objective
 from ...engine.parameters.assembly import nominal_parameters
@@ -28,7 +25,7 @@ from ...interface import FitTask
 from .stack_problem import StackProblem, nominal, plate_of, problem_of
 from .stack_start import one_dimensional
 from .stack_under_diagnosis import StackUnderDiagnosis, described, under_diagnosis
-from .stepwise import NEAR, fitted_glue
+from .stepwise import NEAR, FittedStack, fitted_glue
 
 _POINTS = 80
 """Points of each sweep: a stack with an open bond takes three times as long as one without."""
@@ -36,7 +33,6 @@ _LESS = 0.5
 """Part of what a bonded stack leaves of ln Z that an open one leaves at most to be what is there."""
 _LEVELS, _TOLERANCE, _MOST = (0.3, 0.1, 0.02, 0.004, 0.0), 1e-4, 20
 """Successive misfits of ln Z that count as noise while an opening is fitted, tolerance and steps of each descent."""
-_FLATTEST = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,19 +46,6 @@ class KnownDisk:
     """Of the coordinates of its constants and sizes."""
     effects: tuple[EffectSpec, ...]
     """What acts at its terminals and in its laws, with the sizes found."""
-
-
-def told_of(descent: Descent, layer: str) -> Posterior:
-    """Return the posterior of the coordinates of a layer, marginalised over those of effects."""
-    objective, free = descent.objective, descent.objective.coordinates.free
-    own = [k for k, name in enumerate(free) if name.startswith(f"{layer}.")]
-    mean, slope = objective.straight(descent.x)
-    rows = curvature(objective, descent.x).rows / np.maximum(slope, _FLATTEST)
-    rest = np.delete(rows, own, axis=1)
-    alone = rows[:, own]
-    if rest.size:
-        alone = alone - rest @ np.linalg.lstsq(rest, alone, rcond=1e-12)[0]
-    return Posterior(tuple(free[k] for k in own), mean[own], np.asarray(np.linalg.qr(alone, mode="r")))
 
 
 def glued_on(disk: KnownDisk, task: FitTask, progress: Callable[[str], None]) -> StackUnderDiagnosis | None:
@@ -81,7 +64,7 @@ def glued_on(disk: KnownDisk, task: FitTask, progress: Callable[[str], None]) ->
     fits: list[StackUnderDiagnosis] = []
     for law in _laws(disk, glued):
         near = fitted_glue(replace(glued, elastic_law=law), values, disk.law, progress, NEAR)
-        fits.append(_with_all_functions(under_diagnosis(near, (), _POINTS)))
+        fits.append(_as_model(near))
         if described(near):
             return fits[-1]
     progress("trying bonds that are open in the middle")
@@ -90,8 +73,8 @@ def glued_on(disk: KnownDisk, task: FitTask, progress: Callable[[str], None]) ->
     best = min(bonds, key=lambda bond: bond.left, default=None)
     if best is None or best.left > _LESS * _left(bonded):
         whole = fitted_glue(replace(glued, elastic_law=bonded.problem.elastic_law), values, disk.law, progress)
-        return _with_all_functions(under_diagnosis(whole, (), _POINTS))
-    again = [_fitted_again(bond, other) for bond in bonds]
+        return _as_model(whole)
+    again = _open_bonds(other, bonds)
     if min(bond.left for bond in again) < best.left:
         bonded, bonds = other, again
     return replace(bonded, seeds=tuple(bond.seed for bond in bonds))
@@ -115,8 +98,9 @@ def _thinned(problem: StackProblem, steps: Sequence[str]) -> StackProblem:
     return replace(problem, sweeps=sweeps, noises=noises)
 
 
-def _with_all_functions(fitted: StackUnderDiagnosis) -> StackUnderDiagnosis:
-    """Return the stack over all functions of z: those that its motion needs are others if a bond is open."""
+def _as_model(found: FittedStack) -> StackUnderDiagnosis:
+    """Return a stack for a diagnosis, over all functions of z: those that it needs are others if a bond is open."""
+    fitted = under_diagnosis(found, (), _POINTS)
 
     def full(one: Recording) -> Recording:
         def whole(model: Model) -> Model:
@@ -144,8 +128,6 @@ class _FittedBond:
 
     effect: Effect
     where: str
-    size: str
-    """Name of the parameter."""
     left: float
     """Norm of what is left of ln Z."""
     values: Mapping[str, float]
@@ -156,25 +138,21 @@ class _FittedBond:
         return Seed(frozenset([(self.effect.name, self.where)]), self.values)
 
 
-def _open_bonds(whole: StackUnderDiagnosis) -> list[_FittedBond]:
-    """Return the stack with each bond open in turn, from the best of several sizes."""
+def _open_bonds(whole: StackUnderDiagnosis, before: Sequence[_FittedBond] = ()) -> list[_FittedBond]:
+    """Return the stack with each bond open in turn, from the best of several sizes, or from where it was `before`."""
+    begun = {(bond.effect.name, bond.where): [bond.values] for bond in before}
     made, known = list[_FittedBond](), list[tuple[_OpenBond, float, Mapping[str, float]]]()
     for effect in (one for one in catalogue() if one.lies_on_faces is OpenBond):
         for where in effect.places(whole.scale):
             own = _OpenBond.at(whole, effect, where)
             same = next((one for one in known if one[0].apart == own.apart), None)
             if same is None:  # else both faces of a layer of glue are open alike
-                same = (own, *own.fitted(whole, [{**_as_stated(whole), own.name: value} for value in own.size.scan]))
+                sizes = [{**_as_stated(whole), own.name: value} for value in own.size.scan]
+                same = (own, *own.fitted(whole, begun.get((effect.name, where), sizes)))
                 known.append(same)
             there, left, values = same
-            made.append(_FittedBond(effect, where, own.name, left, {**values, own.name: values[there.name]}))
+            made.append(_FittedBond(effect, where, left, {**values, own.name: values[there.name]}))
     return made
-
-
-def _fitted_again(bond: _FittedBond, whole: StackUnderDiagnosis) -> _FittedBond:
-    """Return the same bond open in a stack whose layers have another law of losses."""
-    left, values = _OpenBond.at(whole, bond.effect, bond.where).fitted(whole, [bond.values])
-    return replace(bond, left=left, values=values)
 
 
 @dataclass(frozen=True, eq=False)

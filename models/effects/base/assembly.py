@@ -237,6 +237,17 @@ class Assembly:
         """Return the assembly with every part of the face divided into several."""
         return replace(self, parts=tuple(section for part in self.parts for section in change(part)))
 
+    def scaled(self, factors: Mapping[str, float]) -> Self:
+        """Return the assembly with these parameters of its stacks times factors, where a stack has them."""
+
+        def changed(part: ParallelSection) -> ParallelSection:
+            now = part.stack.parameters()
+            moved = {name: now[name] * factor for name, factor in factors.items() if name in now}
+            scale = {name: part.scale.get(name, 1.0) * factors[name] for name in moved}
+            return replace(part, stack=part.stack.replace(moved), scale={**part.scale, **scale})
+
+        return replace(self, parts=tuple(map(changed, self.parts)))
+
     def beside(self, shunt: Shunt) -> Self:
         """Return the assembly with an admittance in parallel with the device."""
         return replace(self, shunts=(*self.shunts, shunt))
