@@ -14,6 +14,9 @@ from .base.scale import resonance
 _SOFT = 7e-3
 """Slope in a soft ceramic, for a layer whose loss the build does not state."""
 
+_RELAXES = (0.1, 0.3, 1.0, 3.0)
+"""Frequencies of a relaxation, relative to the resonance, from which fits start: within, below and above the band."""
+
 
 def _causal_slope(layer: object) -> float:
     """Return the slope -d ln eps'/d ln f that causality demands of a loss tangent that is the same at all frequencies.
@@ -58,7 +61,9 @@ class DielectricDispersion(Effect):
             EffectParameter("slope", "1", typical=0.01, upper=0.5, prior=(slope, 1.4)),
             EffectParameter("relaxation", "1", typical=0.01, upper=0.5, prior=(1e-2, 1.8)),
             EffectParameter("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0, prior=(0.0, 0.4)),
-            EffectParameter("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3),
+            EffectParameter(
+                "relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3, scan=_RELAXES
+            ),
         )
 
     def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from ....models.base.arrays import Complexes, Reals
 from ....models.effects import Effect
 from ...engine.recording import log_ratio
-from ..decision_rules import CLASS, CLASS_NATS, ODDS, RIVALS, UNFORESEEN
+from ..decision_rules import CLASS, CLASS_NATS, ODDS, RIVALS, TOLD, UNFORESEEN
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.instrument_artefacts import UNKNOWN
@@ -85,10 +85,21 @@ class Certainties:
         by the effect's squared size there.
         """
         if one not in self._itself:
-            other = one.unexplained_at
-            powers = powers_of(self.search.problem, one)
-            self._itself[one] = {effect: _share(power, other) for effect, power in powers.items()}
+            powers = powers_of(self.search.problem, one).items()
+            self._itself[one] = {effect: self._share(one, effect, power) for effect, power in powers}
         return self._itself[one]
+
+    def _share(self, one: Hypothesis, effect: Candidate, power: Reals) -> float:
+        """Return the share of an effect beside what a hypothesis leaves unexplained; `power`: see `powers_of`.
+
+        Slopes of the constants may say that these imitate it, and a refit without it that they cannot: what counts is
+        of second order, or priors hold the constants.
+        """
+        other = one.unexplained_at
+        share = _ratio(power, other)
+        if share > 1 - TOLD:
+            return share
+        return max(share, _ratio(self.search.without(one, effect).unexplained_at - other, other))
 
 
 def kinds_of(name: str, effects: Iterable[Effect]) -> set[str]:
@@ -96,7 +107,9 @@ def kinds_of(name: str, effects: Iterable[Effect]) -> set[str]:
     return {one.name for one in effects if name in one.implies}
 
 
-def _share(power: Reals, other: Reals) -> float:
+def _ratio(power: Reals, other: Reals) -> float:
+    """Return the share of squares at each point that are positive where they are any."""
+    power = np.maximum(power, 0.0)
     own = float(power @ power)
     return own / max(own + max(float(power @ other), 0.0), 1e-300)
 

@@ -353,7 +353,8 @@ class GreedySearch(FittedHypotheses):
                 gain = promises[rank].gain
                 left = parent.fit.shortfall - gain
                 one_nat = coarseness(left, parent.fit.exact)
-                if not choosy or gain > max(one_nat, WORTH * coarseness(left, exact=True)):
+                enough = max(one_nat, WORTH * coarseness(left, exact=True))
+                if not choosy or promises[rank].absorbed or gain > enough:
                     chosen.setdefault(promises[rank].candidate, []).append(promises[rank])
         return chosen
 
