@@ -46,6 +46,7 @@ from .validation.bands import excess_of, guilty_bands
 from .validation.cross_sample import carried_over
 from .validation.held_out_misfit import held_out_chi2, unforeseen
 from .validation.residual_summary import in_words, remainder
+from .validation.whole_device import whole_device
 
 _CUT_SHORT = "The search ended at its budget of evaluations: combinations of effects that explain more may exist."
 _NOT_CARRIED = "A finite diameter cannot be tested on another sample: diagnose that sample by itself."
@@ -325,6 +326,7 @@ def _told(
         leftover=left,
         says=(
             *_says(verdict, findings, found.remaining),
+            *((whole_device(found.final).says,) if _has_learned(found) else ()),
             *(_nearest(found) if verdict == "unexplained" and not found.undecided else ()),
             *((_CUT_SHORT,) if search.cut_short else ()),
         ),
@@ -454,11 +456,14 @@ def _finding(
     )
 
 
+def _has_learned(found: Conclusion) -> bool:
+    return any(isinstance(one.effect, LearnedLaw) for one in found.final.effects)
+
+
 def _where_it_acts(places: Sequence[PlacedCorrection], found: Conclusion, *, learn: bool) -> str:
     """Return a sentence on the place of what is left, if one is more likely than not; empty if a law was learned."""
     best = max(places, key=lambda one: one.probability, default=None)
-    learned = any(isinstance(one.effect, LearnedLaw) for one in found.final.effects)
-    if best is None or best.probability <= NAMED or learned:
+    if best is None or best.probability <= NAMED or _has_learned(found):
         return ""
     hint = "" if learn or best.place == INSTRUMENT else "; `--learn` looks for its law"
     return f" Most probably (P = {best.probability:.2f}) it acts on {best.place.says}{hint}."

@@ -60,6 +60,7 @@ def test_a_relaxation_outside_the_catalogue_is_located_named_sized_and_fitted(ba
     assert relaxation.unit == "Hz"
     assert relaxation.value == pytest.approx(at, rel=0.2)
     assert "permittivity of disk relaxes at" in finding.says
+    assert any("the whole device absorbs power at all frequencies" in one for one in diagnosis.says)
     assert diagnosis.final.chi2_per_dof < 0.02 * diagnosis.baseline.chi2_per_dof
 
     build = tmp_path / "build.toml"
