@@ -193,7 +193,7 @@ def _build() -> Schema:
         "layers": layers,
         "electrical": _object(_entries(keys.ELECTRICAL_ENTRIES), _needed(keys.ELECTRICAL_ENTRIES)),
         "bolt": _object({**_entries(keys.BOLT_ENTRIES), **_constants(keys.BOLT_KEYS)}, _needed(keys.BOLT_ENTRIES)),
-        "load": _object(load, keys.LOAD_ENTRIES),
+        "load": _object(load),
         "steps": _list(_object(steps, _needed(keys.STEP_ENTRIES))),
         "sweep": _object({**_entries(keys.SWEEP_ENTRIES), **segments}, _needed(keys.SWEEP_ENTRIES)),
         "sample": _object(_entries(keys.SAMPLE_ENTRIES)),

@@ -75,7 +75,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
     Values that the text does not give come from the material library, with its tolerances as uncertainties.
     """
     if not text.strip():
-        raise BuildError(f"{source}: the file is empty; name, diameter_mm, [[layers]], [load], [[steps]] are needed")
+        raise BuildError(f"{source}: the file is empty; name, diameter_mm, [[layers]], [[steps]] are needed")
     try:
         data = parse_toml(text.replace("\r\n", "\n"))
     except TomlError as error:
@@ -88,8 +88,7 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
     top.only((*SIZE_KEYS, *TOP_ENTRIES))
     name = top.string("name")
     diameter, area = _size(top)
-    load = top.table("load")
-    load.only(LOAD_ENTRIES)
+    load = _loads(top)
     layers = resolved(tuple(_layer(table) for table in top.tables("layers", "layer")), source)
     build = Build(
         name=name,
@@ -237,6 +236,14 @@ def _impedance_from_density(table: Table, values: dict[str, Quantity], given: Ma
         values["z"] = Quantity(density.re * c.re, u=u, source="density * c")
 
 
+def _loads(top: Table) -> Table:
+    """Return what the outermost faces border on, with the default for a face that the file does not name."""
+    given = top.table("load") if "load" in top.data else Table({}, top.source, "load")
+    given.only(LOAD_ENTRIES)
+    usual = {key: entry.default for key, entry in LOAD_ENTRIES.items()}
+    return Table({**usual, **given.data}, given.source, given.path)
+
+
 def _load(table: Table, key: str) -> LoadSpec:
     if isinstance(table.data.get(key), dict):
         inner = table.table(key)
@@ -245,8 +252,6 @@ def _load(table: Table, key: str) -> LoadSpec:
         if z is None:
             raise inner.missing("z_MRayl", f"write {key} = {{ z_MRayl = ... }}, or the name of a material")
         return LoadSpec("given", z)
-    if key not in table.data:
-        raise table.missing(key, f'write {key} = "air", another material, or {{ z_MRayl = ... }}')
     name, values = _material(table, key)
     if "z" not in values:
         raise table.error(key, f"is {name!r}, which has no z in the library; write {{ z_MRayl = ... }}")

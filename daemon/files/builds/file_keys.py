@@ -156,7 +156,7 @@ TOP_ENTRIES = {
     "layers": Entry("tables", "the layers from back to front", needed=True),
     "electrical": Entry("table", "wiring; needed with several piezoelectric layers"),
     "bolt": Entry("table", "a bolt that presses layers together"),
-    "load": Entry("table", "what the outermost faces border on", needed=True),
+    "load": Entry("table", "what the outermost faces border on; without it, air"),
     "steps": Entry("tables", "the gluing steps in their order", needed=True),
     "sweep": Entry("table", "how to measure; a step is measured only with such a plan"),
     "sample": Entry("table", "limits of the sample; no sweep that exceeds them is measured"),
@@ -195,8 +195,8 @@ BOLT_ENTRIES = {
     ),
 }
 LOAD_ENTRIES = {
-    "back": Entry("text", "behind the first layer", needed=True, allowed="a material, or { z_MRayl = ... }"),
-    "front": Entry("text", "before the last layer", needed=True, allowed="a material, or { z_MRayl = ... }"),
+    "back": Entry("text", "behind the first layer", default="air", allowed="a material, or { z_MRayl = ... }"),
+    "front": Entry("text", "before the last layer", default="air", allowed="a material, or { z_MRayl = ... }"),
 }
 STEP_ENTRIES = {
     "name": Entry("text", "name of the step", needed=True, allowed="letters, digits and _ + -"),

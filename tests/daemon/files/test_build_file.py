@@ -90,6 +90,15 @@ def test_missing_values_come_from_the_library() -> None:
     assert disk.nominal["c33D"] != disk.values["c33D"]
 
 
+@pytest.mark.parametrize(
+    ("load", "front"), [("", "air"), ("[load]", "air"), ("[load]\nfront = { z_MRayl = 1.5 }", "given")]
+)
+def test_a_face_that_is_not_named_borders_on_air(load: str, front: str) -> None:
+    build = parse_build(S4.replace('[load]\nback = "air"\nfront = { z_MRayl = 1.5 }', load))
+    assert (build.back.name, build.front.name) == ("air", front)
+    assert build.back.z == find("air").values["z"]
+
+
 def test_density_replaces_the_impedance_of_an_elastic_layer() -> None:
     text = S4.replace("z_MRayl = { value = 10.3, u = 0.5 }", "density_kg_m3 = { value = 4000, u = 40 }")
     z = parse_build(text).layer("ml1").values["z"]
@@ -164,7 +173,6 @@ def test_all_open_cases_are_read(cases: Path) -> None:
         ('"disk", "glue1", "ml1"]', '"glue1", "ml1"]', "lacks disk; without a piezo layer"),
         ('layers = ["disk"]', 'layers = ["disk", "glue1", "ml1"]\n[[steps]]\nname="x"\nlayers=["disk"]', "lacks glue1"),
         ('layers = ["disk"]', "layers = [1]", "steps[0].layers[0] (of step 'disk') is 1; a text in quotes"),
-        ('back = "air"', "", "load has no back; write back"),
         ('back = "air"', 'back = "Pz27"', "load.back is 'Pz27', which has no z in the library"),
         ("z_MRayl = 1.5 }", "z = 1.5 }", "load.front.z is not a known key; allowed here: z_MRayl"),
         ("z_MRayl = 1.5 }", "z_MRayl = 1e300 }", "load.front.z_MRayl is 1e+300; a size from 1e-50 to 1e+50 is needed"),

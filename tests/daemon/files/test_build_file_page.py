@@ -68,7 +68,7 @@ def test_a_file_that_is_read_has_no_faults(here: str, instead: str) -> None:
         ("bandwidth = 5", "point_delay_s = -1"),
         ("oscillator_V = 0.5", "oscillator_V = 0"),
         ("points = 801", "points = 1"),
-        ('[load]\nback = "air"', "[load]"),
+        ('[load]\nback = "air"', "[load]\nbehind = 'air'"),
         ("bandwidth = 5", "bandwidth = 5\n[sample]\nmax_bias_V = -1"),
         ("bandwidth = 5", "bandwidth = 5\n[limits.disk]\nkt = { least = 0.45 }"),
         ('material = "Pz27"', 'material = "Pz27"\neps33S_r = { re = 900, im = 10 }'),
