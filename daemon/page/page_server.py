@@ -25,6 +25,7 @@ from ...models.base.errors import PzctlError
 from ...models.base.names import LONGEST_NAME
 from ...models.build import Build, Quantity
 from ...models.metadata import MetadataError, check_metadata
+from ..client.gluing import glue
 from ..client.protocol import DaemonError
 from ..files.config import settings
 from ..files.paths import home
@@ -131,15 +132,6 @@ def page_app(build: Build, token: str | None = None, users: PageUsers | None = N
         middleware=[Middleware(Guard, token=token, users=users)],
         exception_handlers={HTTPException: _refused, Exception: _failed},
     )
-
-
-def _glue(lab: PageClient, step: str, analyzer: str | None) -> None:
-    """Let the simulated bench glue up to a step; one that it does not know is measured with the device as it is."""
-    try:
-        lab.bench({"command": "step", "name": step}, analyzer)
-    except DaemonError as error:
-        if error.code != "bench-failed" or step in lab.bench({"command": "status"}, analyzer)["steps"]:
-            raise
 
 
 def _refused(request: Request, error: Exception) -> Response:
@@ -342,7 +334,7 @@ class _PageRequestHandlers:
             build = self._build
             if command.step in [step.name for step in build.steps]:  # the daemon refuses others
                 if on and on[0].bench is not None:
-                    _glue(lab, command.step, command.analyzer)
+                    glue(lab, command.step, command.analyzer)
                 build = noted_build(build, command.step, notes, mass, settings({}).get("readers", ()))
             return JSONResponse({"measurement": lab.begin(build, command.step, analyzer=command.analyzer)})
 

@@ -16,6 +16,7 @@ from ....models.base.names import as_file_name
 from ..analysis.fit import UsageError
 from .note_options import NoteOptions, decimal
 from .plan_check import check_plan
+from .preparation import bring_to_step, check_refused, reached_steps
 from .repeats import Pause, duration
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ class Report:
     measurements: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     fits: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     diagnoses: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    refused: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
+    """The steps to which the simulated bench could not bring its device: `step`, and `says` why."""
     queue: str | None = None
     """Name of the queue; `build` is then the first sample."""
     truth: dict[str, Any] | None = None
@@ -131,8 +134,7 @@ def measure(
         check_plan(lab, on, device, plan)  # before anything is glued
         simulated = on.bench is not None
         diagnoser = _diagnoser(lab, device, on.name, screen, yes) if diagnose else None
-        for name in names:
-            _prepare(lab, name, on, screen)
+        for name in reached_steps(lab, names, on, screen, report.refused):
             for _ in pause.starts(repeat, name, screen):
                 noted = notes.noted(device, name)
                 _one_step(lab, noted, name, on.name, wanted, screen, report, plan if adaptive else None)
@@ -146,6 +148,7 @@ def measure(
             _against_truth(report.truth, report.fits[-1], screen)
     if as_json:
         print(json.dumps(asdict(report)))
+    check_refused(report.refused)
     _exit_by_verdict(report)
 
 
@@ -169,7 +172,7 @@ def _by_queue(
 
         def prepare(step: str) -> None:
             if on.bench is not None:
-                _prepare(lab, step, on, screen)
+                bring_to_step(lab, step, on, screen)
 
         def measure(entry: "QueuedStep", noted: "Build") -> None:
             _one_step(lab, noted, entry.step, on.name, fitters, screen, report)
@@ -366,19 +369,6 @@ def _in_the_background(lab: "Client", report: Report, console: "Console") -> lis
     if diagnoses:
         console.print("more: pzctl report, the live page, or pzctl measure --diagnose", style="dim")
     return diagnoses
-
-
-def _prepare(lab: "Client", step: str, on: "AnalyzerState", console: "Console") -> None:
-    """Bring the device to its step: tell the simulated bench to glue, or ask a person to."""
-    from ...client.protocol import DaemonError
-
-    if on.bench is not None:
-        try:
-            lab.bench({"command": "step", "name": step}, on.name)
-        except DaemonError as error:
-            console.print(str(error), style="dim", highlight=False)
-    elif sys.stdin.isatty():
-        typer.prompt(f"Bring the transducer to step {step!r} and press Enter", default="", show_default=False, err=True)
 
 
 def _sweep(

@@ -10,6 +10,7 @@ import typer
 
 from ....models.base.errors import CannotError, PzctlError
 from ....models.metadata import check_metadata
+from ...client.gluing import StepRefusedError
 from ...client.protocol import DaemonError
 from ...files.measurement_queue import QUEUE_KEY, MeasurementQueue, QueuedStep
 from ..analysis.fit_options import UsageError
@@ -142,7 +143,8 @@ class QueueRun:
                 pause = Pause(entry.every, entry.wait)
                 if entry.ask:
                     typer.prompt(f"{entry.ask}; then press Enter", default="", show_default=False, err=True)
-                prepare(entry.step)
+                if not self._is_prepared(entry, prepare):
+                    continue
                 for number in range(entry.repeat):
                     pause.wait(self._console, f"{self._done} of {self._queue.total} measured")
                     name = entry.named(number)
@@ -153,6 +155,15 @@ class QueueRun:
                 f"{len(self._failed)} of {self._queue.total} measurements failed, the first: {self._failed[0]}; "
                 "the same command measures them again"
             )
+
+    def _is_prepared(self, entry: QueuedStep, prepare: Callable[[str], None]) -> bool:
+        """Bring the device to a step; all measurements of an entry to which the bench cannot bring it have failed."""
+        try:
+            prepare(entry.step)
+        except StepRefusedError as error:
+            self._fail(f"{entry.build.name}, step {entry.step}", error, entry.repeat)
+            return False
+        return True
 
     def _measure(
         self,
@@ -178,8 +189,8 @@ class QueueRun:
         else:
             self._done += 1
 
-    def _fail(self, name: str, error: PzctlError) -> None:
-        self._failed.append(f"{name}: {error}")
+    def _fail(self, name: str, error: PzctlError, count: int = 1) -> None:
+        self._failed += [f"{name}: {error}"] * count
         self._console.print(self._failed[-1], style="red", highlight=False, soft_wrap=True, markup=False)
 
     @contextmanager
