@@ -169,8 +169,9 @@ class AsyncClient:
                 subscriber.close()
 
     async def _ask(self, step: Ask) -> Outcome:
-        """Send a request and return its answer."""
-        answered = self._waiting[step.request] = asyncio.get_running_loop().create_future()
+        """Send a request and return an answer that it waits for."""
+        answered: asyncio.Future[list[bytes]] = asyncio.get_running_loop().create_future()
+        self._waiting |= dict.fromkeys(step.requests, answered)
         try:
             await self._asker.send_multipart(step.frames, zmq.NOBLOCK)  # pyright: ignore[reportUnknownMemberType]
             done, _ = await asyncio.wait({answered}, timeout=step.seconds)
@@ -178,7 +179,8 @@ class AsyncClient:
         except zmq.Again:
             raise not_let_in(self._requests) from None
         finally:
-            del self._waiting[step.request]
+            for request in step.requests:
+                del self._waiting[request]
 
     async def _read_answers(self) -> None:
         """Pass each answer to the request that waits for it, until cancelled; a malformed one fails all of them."""

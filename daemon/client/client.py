@@ -163,14 +163,14 @@ class Client:
                 subscriber.close()
 
     def _ask(self, step: Ask) -> Outcome:
-        """Send a request and return its answer; skip late answers to earlier requests."""
+        """Send a request and return an answer that it waits for; skip late answers to earlier requests."""
         try:
             self._asker.send_multipart(step.frames, zmq.NOBLOCK)
         except zmq.Again:
             raise not_let_in(self._requests) from None
         deadline = time.monotonic() + step.seconds
         while (frames := _received(self._asker, max(0.0, deadline - time.monotonic()))) is not None:
-            if addressee(frames, (step.request,)) is not None:
+            if addressee(frames, step.requests) is not None:
                 return frames
         return None
 

@@ -4,8 +4,11 @@ A conversation is a generator. It yields the next step to carry out on a socket,
 returns its result. The client that runs it owns the sockets and does the waiting; nothing here opens, sends or sleeps.
 """
 
+import logging
+import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Generic, TypeAlias, TypeVar
 
 import msgspec
@@ -14,11 +17,16 @@ from ...models.base.errors import PzctlError
 from ..wire.events import Envelope, ReceivedEvent, decode, envelope, seq_of
 from ..wire.frames import LARGEST_FRAME, WireError, from_json, to_json
 from ..wire.replies import Answer, EventsAnswer, MissingEvents, Refusal
-from ..wire.requests import ReplayRequest, Request
+from ..wire.requests import HelloRequest, ReplayRequest, Request
 from ..wire.uuid7 import uuid7
 
+log = logging.getLogger(__name__)
+
 TRIES, PATIENCE = 4, 5.0
-"""How often a request is sent, and for how many seconds the client waits for its answer each time."""
+"""How often a daemon that says nothing is asked, and for how many seconds the client waits for an answer each time."""
+
+FIRST_NOTE = 10.0
+"""Seconds after which it is said that the client waits, and again each time when twice as much has passed."""
 
 A = TypeVar("A", bound=Answer)
 T = TypeVar("T")
@@ -35,11 +43,11 @@ class DaemonError(PzctlError):
 
 @dataclass(frozen=True)
 class Ask:
-    """Send these frames to the daemon and wait for the answer to this request: its frames, or None."""
+    """Send these frames to the daemon and wait for the answer to one of these requests: its frames, or None."""
 
     frames: list[bytes]
-    request: str
-    """The request's id."""
+    requests: tuple[str, ...]
+    """The ids of the requests."""
     seconds: float
 
 
@@ -104,14 +112,30 @@ def ask_frames(
 ) -> Conversation[tuple[A, list[bytes]]]:
     """Return the answer to a request and the frames after it.
 
-    A request without an answer is sent again, which its id makes safe. `patience` is in seconds for each try. Raises
-    DaemonError if the daemon refuses or does not answer.
+    A request without an answer is sent again, which its id makes safe. In between, a `hello` asks for a sign of life:
+    the client waits for as long as there is one, and logs that it waits. `patience` is in seconds for each try. Raises
+    DaemonError if the daemon refuses, or answers neither.
     """
-    frames = [to_json(request), *raw]
-    for _ in range(TRIES):
-        answer = yield Ask(frames, request.id, patience)
-        if answer:
+    hello = HelloRequest(id=uuid7())
+    tries = (
+        Ask([to_json(request), *raw], (request.id,), patience),
+        Ask([to_json(hello)], (request.id, hello.id), patience),
+    )
+    begun, note, silent = time.monotonic(), FIRST_NOTE, 0
+    for attempt in cycle(tries):
+        answer = yield attempt
+        if answer is None:
+            silent += 1
+            if silent == TRIES:
+                break
+        elif from_json(answer[0], _answer, LARGEST_FRAME).id != hello.id:
             return read_answer(answer[0], expected), answer[1:]
+        else:
+            silent, passed = 0, time.monotonic() - begun
+            if passed >= note:
+                name = request.__struct_config__.tag
+                log.warning("daemon at %s: busy, no answer to `%s` for %.0f s; waiting for it", endpoint, name, passed)
+                note = 2 * passed
     raise DaemonError(f"daemon at {endpoint}: no answer in {TRIES} tries of {patience:g} s; is it running?")
 
 

@@ -14,12 +14,6 @@ from ..wire.result_messages import curve_columns, report_of
 from ..wire.uuid7 import uuid7
 from .protocol import PATIENCE, Conversation, DaemonError, Deliver, Stream, ask_frames, read_events
 
-JOURNAL_PATIENCE = 20.0
-"""Seconds to wait for an answer for which the daemon reads the whole journal."""
-
-BENCH_PATIENCE = 60.0
-"""Seconds to wait for a bench command."""
-
 A = TypeVar("A", bound=reply.Answer)
 
 
@@ -58,7 +52,7 @@ class Questions:
     def samples(self, name: str | None = None) -> Conversation[tuple[reply.SampleHistory, ...]]:
         """Return the measurements of each sample, or only of sample `name`."""
         request = ask.SamplesRequest(id=uuid7(), name=name)
-        return (yield from self.answer_to(request, reply.SamplesAnswer, patience=JOURNAL_PATIENCE)).samples
+        return (yield from self.answer_to(request, reply.SamplesAnswer)).samples
 
     def sweeps(self, measurement: str) -> Conversation[tuple[ReceivedEvent, ...]]:
         """Return the sweep events of the latest measurement of each earlier step, then those of this measurement."""
@@ -76,7 +70,7 @@ class Questions:
     def bench(self, command: dict[str, Any], analyzer: str | None = None) -> Conversation[dict[str, Any]]:
         """Send a command to the simulator's bench, by default that of the first analyzer; return its answer."""
         request = ask.BenchRequest(id=uuid7(), command=command, analyzer=analyzer)
-        return (yield from self.answer_to(request, reply.BenchAnswer, patience=BENCH_PATIENCE)).answer
+        return (yield from self.answer_to(request, reply.BenchAnswer)).answer
 
     def begin(
         self,

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,17 +13,19 @@ import pytest
 from rich.console import Console
 
 from pzctl.daemon.cli.bench import measure
-from pzctl.daemon.client import event_follower
+from pzctl.daemon.client import event_follower, protocol
 from pzctl.daemon.client.async_client import connect_async
 from pzctl.daemon.client.client import connect
 from pzctl.daemon.client.conversations import Conversations
 from pzctl.daemon.client.location import Location
-from pzctl.daemon.client.protocol import Ask, DaemonError, Hear, Underway
+from pzctl.daemon.client.protocol import Ask, Conversation, DaemonError, Hear, Underway
 from pzctl.daemon.client.result_waiter import Measurement
 from pzctl.daemon.server.launch import last_words
 from pzctl.daemon.wire.events import WELCOME, InstrumentInfo
 from pzctl.daemon.wire.frames import to_json
-from pzctl.daemon.wire.replies import HelloAnswer, MeasureAnswer
+from pzctl.daemon.wire.replies import BenchAnswer, HelloAnswer, MeasureAnswer
+from pzctl.daemon.wire.requests import BenchRequest
+from pzctl.daemon.wire.uuid7 import uuid7
 from pzctl.models.build import Build
 
 BIASED = "; the bias of 5 V may still be on: switch it off at the analyzer, or start a daemon, which does it first"
@@ -46,7 +49,7 @@ def measuring(build: Build, bias_V: float) -> Underway[Measurement]:
 
 def begin(underway: Underway[Measurement]) -> None:
     assert isinstance(underway.step, Ask)
-    underway.go_on([to_json(MeasureAnswer(id=underway.step.request, measurement="M"))])
+    underway.go_on([to_json(MeasureAnswer(id=underway.step.requests[0], measurement="M"))])
     assert isinstance(underway.step, Hear)
 
 
@@ -102,6 +105,42 @@ def test_a_daemon_that_is_only_busy_is_not_gone(
     stopped[0].join()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the simulator in /proc")
+@pytest.mark.parametrize("asynchronous", [False, True])
+def test_a_client_waits_for_as_long_as_the_daemon_shows_life_and_says_so(
+    start_daemon: Callable[..., Location],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    asynchronous: bool,
+) -> None:
+    """The bench answers after ten times as long as a silent daemon is waited for."""
+    monkeypatch.setattr(protocol, "FIRST_NOTE", 0.3)
+    where = start_daemon()
+    children = [int(pid) for pid in Path(f"/proc/{where.pid}/task/{where.pid}/children").read_text().split()]
+
+    def ask(conversations: Conversations) -> Conversation[BenchAnswer]:
+        request = BenchRequest(id=uuid7(), command={"command": "status"})
+        return conversations.answer_to(request, BenchAnswer, patience=0.05)
+
+    async def asked() -> BenchAnswer:
+        async with connect_async() as lab:
+            await lab.hello()
+            return await lab.run(ask(lab.conversations))
+
+    for child in children:
+        os.kill(child, signal.SIGSTOP)
+    going_on = [threading.Timer(2.0, os.kill, (child, signal.SIGCONT)) for child in children]
+    for timer in going_on:
+        timer.start()
+    with connect() as lab:
+        lab.hello()
+        answer = asyncio.run(asked()) if asynchronous else lab.run(ask(lab.conversations))
+    assert answer.answer["step"] == "disk"
+    assert f"daemon at {where.requests}: busy, no answer to `bench` for " in caplog.text
+    for timer in going_on:
+        timer.join()
+
+
 def test_a_daemon_that_does_not_answer_the_request_may_have_begun(build: Build) -> None:
     underway = measuring(build, 5.0)
     with pytest.raises(DaemonError) as gone:
@@ -125,7 +164,7 @@ def test_ctrl_c_before_the_answer_cancels_what_has_begun(build: Build) -> None:
     underway.fail(KeyboardInterrupt())
     assert isinstance(underway.step, Ask)
     assert underway.step.frames == request, "which is carried out once only"
-    underway.go_on([to_json(MeasureAnswer(id=underway.step.request, measurement="M"))])
+    underway.go_on([to_json(MeasureAnswer(id=underway.step.requests[0], measurement="M"))])
     assert isinstance(underway.step, Ask)
     assert b'"cancel"' in underway.step.frames[0]
     assert b'"M"' in underway.step.frames[0]
