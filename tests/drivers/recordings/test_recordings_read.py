@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pzctl.drivers.recordings import (
@@ -127,6 +127,7 @@ IMPEDANCES = st.builds(
 
 
 @pytest.mark.parametrize("parameter", FORWARD)
+@settings(max_examples=15, deadline=None)
 @given(z=st.lists(IMPEDANCES, min_size=2, max_size=5))
 def test_every_pair_that_determines_z_is_converted(
     tmp_path_factory: pytest.TempPathFactory, parameter: str, z: list[complex]

@@ -45,7 +45,7 @@ def sweeps(draw: st.DrawFn) -> Sweep:
     return Sweep(np.array(f), np.array(z), draw(SETTINGS), draw(st.text()), draw(st.text()), texts)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(sweep=sweeps())
 def test_csv_round_trips_exactly(tmp_path_factory: pytest.TempPathFactory, sweep: Sweep) -> None:
     file = tmp_path_factory.getbasetemp() / "round.csv"
@@ -59,7 +59,7 @@ def test_csv_round_trips_exactly(tmp_path_factory: pytest.TempPathFactory, sweep
 PRINTABLE = st.text(st.characters(exclude_categories=["C"]))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(sweep=sweeps(), time=PRINTABLE, id_=PRINTABLE, write=st.sampled_from([write_netcdf, write_hdf5]))
 def test_archives_round_trip_exactly(
     tmp_path_factory: pytest.TempPathFactory, sweep: Sweep, time: str, id_: str, write: Any

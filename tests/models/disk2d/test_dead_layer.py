@@ -21,7 +21,7 @@ from pzctl.models.effects.base.scale import equivalent_plate
 from pzctl.models.stack import VACUUM, CausalConstantQ, Piezo, Stack
 
 C = np.array([getattr(TENSOR, name) for name in CONSTANTS])
-RATIO, T, DENSITY = 6.0, 2e-3, 7700.0
+RATIO, T, DENSITY = 3.0, 2e-3, 7700.0
 
 
 @pytest.mark.parametrize("back", [0.0, 4e-6, 1e-5])
@@ -49,7 +49,7 @@ def test_derivatives_with_dead_layers_are_exact():
     odd, reduced = trained_odd(RATIO), trained(RATIO)
     area = np.pi * (RATIO * T / 2) ** 2
     bare = Disk2D("disk", TENSOR, area, T, DENSITY, reduced, CausalConstantQ(1e6), odd=lambda: odd)
-    f, effect, plate = np.linspace(0.3e6, 1.3e6, 31), find_effect("surface-layer"), equivalent_plate("disk", 1e-9, 1e6)
+    f, effect, plate = np.linspace(0.3e6, 1.3e6, 7), find_effect("surface-layer"), equivalent_plate("disk", 1e-9, 1e6)
     assert effect.looked_for_in(bare, plate) == ("layer:disk",)
     own = [f"surface-layer@layer:disk.{name}" for name in ("front", "back", "stiffness", "permittivity")]
     absent = Device(bare, nominal=plate).with_effect(effect, "layer:disk")

@@ -109,20 +109,21 @@ def test_derivatives_by_sizes_constants_of_each_kind_and_the_dot(disk):
 
 
 def test_a_dot_is_passive_on_either_face_and_vanishes_with_its_size(disk):
-    front = with_solder(disk).impedance(F)
+    f = F[::4]
+    front = with_solder(disk).impedance(f)
     assert front.real.min() > 0
-    np.testing.assert_allclose(with_solder(disk, "face:back").impedance(F), front, rtol=1e-9)
-    assert np.abs(np.log(front / disk.impedance(F))).max() > 0.1
+    np.testing.assert_allclose(with_solder(disk, "face:back").impedance(f), front, rtol=1e-9)
+    assert np.abs(np.log(front / disk.impedance(f))).max() > 0.1
     none = with_solder(disk, fraction=1e-7)
-    assert np.abs(np.log(none.impedance(F) / disk.impedance(F))).max() < 1e-3
+    assert np.abs(np.log(none.impedance(f) / disk.impedance(f))).max() < 1e-3
     # as small as the part of the face that a fit steps from nothing; a larger one has resonances of its own
-    _, (slope,) = with_solder(disk, fraction=0.0).jacobian(F, ["local-mass@face:front.fraction"])
+    _, (slope,) = with_solder(disk, fraction=0.0).jacobian(f, ["local-mass@face:front.fraction"])
     added = [
         replace(disk, dots=(PlacedDot("face:front", replace(SOLDER, fraction=part, dome=0.2, q=50.0)),))
         for part in (1e-8, 2e-8)
     ]
-    change = np.diff([one.added_by_dots(F) for one in added], axis=0)[0] / 1e-8
-    np.testing.assert_allclose(-change * 2j * np.pi * F * disk.impedance(F), slope, rtol=0.02)
+    change = np.diff([one.added_by_dots(f) for one in added], axis=0)[0] / 1e-8
+    np.testing.assert_allclose(-change * 2j * np.pi * f * disk.impedance(f), slope, rtol=0.02)
 
 
 def test_it_is_looked_for_on_one_face_of_a_disk_whose_faces_can_be_loaded(disk):

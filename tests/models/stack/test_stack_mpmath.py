@@ -170,7 +170,7 @@ def test_the_impedance_is_accurate_from_40_hz_to_110_mhz(name: str) -> None:
 def test_every_derivative_is_exact(name: str) -> None:
     """d ln Z / dp against a central difference in 400 digits, where its own error is some 1e-60."""
     stack, names = STACKS[name], list(STACKS[name].parameters())
-    some = FREQUENCIES[::4]
+    some = FREQUENCIES[::5]
     Z, J = stack.jacobian(some, names)
     assert np.array_equal(Z, stack.impedance(some))
     for k, f in enumerate(some):
@@ -209,7 +209,7 @@ def random_stack(seed: int) -> Stack:
     return Stack(layers, HalfSpace("b", rng.uniform(0, 1e7)), WATER, 1e-4, wiring)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_value_and_derivatives_of_a_random_stack(seed: int) -> None:
     stack = random_stack(seed)
     f = 10 ** np.random.default_rng(seed).uniform(5, 7.3)

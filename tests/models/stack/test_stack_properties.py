@@ -80,7 +80,7 @@ def stacks(draw: st.DrawFn, law: LossLaw = CONSTANT) -> Stack:
     return Stack(tuple(made), draw(loads()), draw(loads()), draw(decades(-6, -2)), wiring)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(stacks())
 def test_a_stack_has_the_same_impedance_turned_around(stack: Stack) -> None:
     turned = Stack(stack.layers[::-1], stack.front, stack.back, stack.area, stack.connection)
@@ -89,14 +89,14 @@ def test_a_stack_has_the_same_impedance_turned_around(stack: Stack) -> None:
     assert np.max(np.abs(turned.impedance(F) / Z - 1)) < 1e-9
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(stacks())
 def test_a_passive_stack_does_not_generate_energy(stack: Stack) -> None:
     Z = stack.impedance(F)
     assert np.all(Z.real >= -1e-13 * np.abs(Z))
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=50)
 @given(stacks(), st.floats(0.3, 3))
 def test_scaling_lengths_scales_frequencies(stack: Stack, scale: float) -> None:
     """Twice the thickness at half the frequency has the same wave pattern: Z per area is multiplied by scale twice."""
