@@ -50,7 +50,7 @@ def fit_figure(result: FitResult) -> Any:
 
 
 def _column(axes: Any, curve: Curve, noise: float) -> None:
-    from matplotlib.ticker import MultipleLocator
+    from matplotlib.ticker import LogLocator, MultipleLocator
 
     f = curve.frequency / 1e6
     for values, style in ((curve.measured, _MEASURED), (curve.start, _START), (curve.fitted, _FITTED)):
@@ -59,6 +59,8 @@ def _column(axes: Any, curve: Curve, noise: float) -> None:
         admittance: Impedances = 1 / values
         axes[2].semilogy(f, np.maximum(admittance.real, 1e-12), **style)
         axes[3].plot(f, admittance.imag, **style)
+    for row in (0, 2):
+        axes[row].yaxis.set_minor_locator(LogLocator(subs=(2, 5)))  # all eight take a quarter of the drawing
     axes[1].yaxis.set_major_locator(MultipleLocator(45))
     ratio: Complexes = np.log(curve.fitted / curve.measured)
     axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")

@@ -47,7 +47,7 @@ def _step_svg(curves: Sequence[Curve], noise: float) -> str:
 
 
 def _curve(axes: Any, curve: Curve, noise: float) -> None:
-    from matplotlib.ticker import MultipleLocator
+    from matplotlib.ticker import LogLocator, MultipleLocator
 
     f = curve.frequency / 1e6
     for z, colour, width, label in ((curve.measured, MEASURED, 2.6, "measured"), (curve.fitted, FITTED, 0.9, "fitted")):
@@ -57,6 +57,8 @@ def _curve(axes: Any, curve: Curve, noise: float) -> None:
     ratio: Impedances = np.log(curve.fitted / curve.measured)
     axes[3].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0, label="twice the noise")
     axes[3].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
+    for row in (0, 2):
+        axes[row].yaxis.set_minor_locator(LogLocator(subs=(2, 5)))  # all eight take a quarter of the drawing
     axes[1].yaxis.set_major_locator(MultipleLocator(45))
     axes[3].plot(f, ratio.real, color=FITTED, linewidth=0.7, label="magnitude")
     axes[3].plot(f, ratio.imag, color=INK, linewidth=0.7, label="phase (rad)")

@@ -27,6 +27,7 @@ from pzctl.daemon.wire.replies import BenchAnswer, HelloAnswer, MeasureAnswer
 from pzctl.daemon.wire.requests import BenchRequest
 from pzctl.daemon.wire.uuid7 import uuid7
 from pzctl.models.build import Build
+from pzctl.models.sweep_plan import Segment, SweepPlan
 
 BIASED = "; the bias of 5 V may still be on: switch it off at the analyzer, or start a daemon, which does it first"
 GONE = "daemon at E: silent for 0 s; it has ended or hangs"
@@ -73,6 +74,7 @@ def test_who_waits_for_a_killed_daemon_is_told_that_nobody_listens(
     start_daemon: Callable[..., Location], build: Build, end: Callable[..., None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(event_follower, "SILENCE", 90.0)
+    monkeypatch.setattr(event_follower, "QUIET", 0.5)
     for asynchronous in (False, True):
         where = start_daemon(time_scale=1.0)
 
@@ -101,7 +103,7 @@ def test_a_daemon_that_is_only_busy_is_not_gone(
             stopped[0].start()
 
     with connect() as lab:
-        assert lab.measure(build, "disk", progress=stop).sweeps
+        assert lab.measure(build, "disk", SweepPlan((Segment(1e6, 6e6, 11),)), progress=stop).sweeps
     stopped[0].join()
 
 

@@ -136,7 +136,7 @@ def test_a_server_that_goes_away_and_comes_back_is_given_what_it_missed(
 ) -> None:
     """While it is away no measurement begins; the running one is finished and is kept for the server's return."""
     stop_server, start_server = restartable
-    start_daemon("Echo", journal=url, station="a", time_scale=0.3)
+    start_daemon("Echo", journal=url, station="a", time_scale=0.15)
     with connect() as lab:
         lab.wait_fit(ECHO, lab.measure(build, "disk", SOON).id, patience=60)
         events = lab.listen(patience=60)
@@ -171,7 +171,7 @@ def test_what_was_measured_while_the_server_was_gone_outlives_the_daemon(
     start_daemon, url: str, restartable, build: Build, tmp_path: Path, wait_until, end
 ) -> None:
     stop_server, start_server = restartable
-    where = start_daemon(journal=url, station="a", time_scale=0.3)
+    where = start_daemon(journal=url, station="a", time_scale=0.15)
     with connect() as lab:
         events = lab.listen(patience=60)
         running = lab.begin(build, "disk")

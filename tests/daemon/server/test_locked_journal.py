@@ -63,7 +63,7 @@ def test_a_sweep_that_ends_while_the_database_is_locked_is_published_later(
     another_program: Callable[[str], object],
     tmp_path: Path,
 ) -> None:
-    start_daemon(time_scale=0.3)
+    start_daemon(time_scale=0.15)
     unsaved = tmp_path / "unsaved"
     with connect() as lab:
         events = lab.listen(patience=60)
@@ -102,7 +102,7 @@ def test_such_a_sweep_outlives_the_daemon(
     wait_until: Callable[..., None],
     end: Callable[..., None],
 ) -> None:
-    where = start_daemon(time_scale=0.3)
+    where = start_daemon(time_scale=0.15)
     with connect() as lab:
         events = lab.listen(patience=60)
         running = lab.begin(build, "disk")
