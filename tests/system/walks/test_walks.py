@@ -84,7 +84,7 @@ def put_files(folder: Path) -> None:
     quick = THESIS_BUILD.read_text(encoding="utf-8").replace("points = 801", "points = 101")
     (folder / "build.toml").write_text(quick, encoding="utf-8")
     build = read_build(folder / "build.toml")
-    f = np.linspace(2e6, 6e6, 101)
+    f = np.linspace(2e6, 6e6, 51)
     noise = np.random.default_rng(1).normal(scale=3e-4, size=(2, 2, f.size))
     bare = stack_of(build, build.step("disk")).impedance(f)
     for k, (name, Z) in enumerate((("Scheibe.csv", bare), ("nachher.csv", bare + 2j * np.pi * f * 40e-9))):
