@@ -37,6 +37,8 @@ LEAST_PART = 0.2
 COMMAND = re.compile(r"^pzctl (.*)$", re.MULTILINE)
 POINTS = re.compile(r"points = (\d+)")
 MOST_POINTS = 41
+PAUSE = re.compile(r'^(wait|every) = "\d+s"', re.MULTILINE)
+"""Of a queue."""
 WHOLE_CATALOGUE = re.compile(r"^(pzctl diagnose) (?!.*--effects)(?=.*=)", re.MULTILINE)
 FEW_EFFECTS = r"\1 --effects lead-inductance "
 LEARNS = re.compile(r"^pzctl diagnose .*--learn .*$", re.MULTILINE)
@@ -53,6 +55,7 @@ AS_FOR_USERS = ("reading-the-numbers.md",)
 def _shorter(guide: str) -> str:
     """Return the same guide in a time that can be waited for."""
     guide = POINTS.sub(lambda points: f"points = {min(int(points[1]), MOST_POINTS)}", guide)
+    guide = PAUSE.sub(r'\1 = "0.1s"', guide)
     if learned := LEARNED.search(guide):
         guide = LEARNS.sub(lambda _: APPENDED.format(learned[1]), guide)
     return WHOLE_CATALOGUE.sub(FEW_EFFECTS, guide)

@@ -84,7 +84,7 @@ def test_restore_drill_of_a_scheduled_backup(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("PZCTL_HOME", str(tmp_path / "lost"))
-    where = start_daemon(backup=BackupPlan(str(share), SOON))
+    where = start_daemon(backup=BackupPlan(str(share), SOON / 4))
     with connect() as lab:
         measured = lab.measure(build, "disk")
         began = lab.metrics().counts.get("state-backup-done", 0)
