@@ -7,7 +7,7 @@ import numpy as np
 
 from ....fitters.interface import Curve, FitResult
 from ....models.base.arrays import Complexes, Impedances
-from .picture_file import as_label, save_picture
+from .picture_file import as_label, place_no_labels, save_picture
 
 _HEIGHT = 12.0
 """Height of the picture in inches."""
@@ -34,6 +34,7 @@ def fit_figure(result: FitResult) -> Any:
     axes = figure.subplots(len(_ROWS), columns, squeeze=False, sharex="col")
     # Margins in inches, because matplotlib's automatic layout takes as long as the drawing.
     figure.subplots_adjust(0.95 / width, 0.55 / _HEIGHT, 1 - 0.2 / width, 1 - 0.75 / _HEIGHT, wspace=0.2, hspace=0.1)
+    place_no_labels(axes)
     for k, curve in enumerate(result.curves):
         _column(axes[:, k], curve, result.noise.relative)
         axes[0, k].set_title(as_label(curve.step), y=1.0)  # a place that is given need not be looked for

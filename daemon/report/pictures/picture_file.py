@@ -18,6 +18,14 @@ def as_label(text: str) -> str:
     return shown(text, keep="\n").replace("$", r"\$")
 
 
+def place_no_labels(grid: Any) -> None:
+    """Give axes inside a grid, which have no labels, a place for them: matplotlib looks for one, a third of drawing."""
+    for axes in grid[:-1].flat:
+        axes.xaxis.set_label_coords(0, 0)
+    for axes in grid[:, 1:].flat:
+        axes.yaxis.set_label_coords(0, 0)
+
+
 def check_picture(path: Path) -> None:
     """Refuse a path that a picture cannot be written to, before any work is done. Raises PictureError."""
     if path.is_dir():

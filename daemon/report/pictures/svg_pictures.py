@@ -10,7 +10,7 @@ import numpy as np
 from ....fitters.interface import Constant, Curve, FitResult
 from ....models.base.arrays import Impedances
 from ....models.build import Build
-from .picture_file import as_label
+from .picture_file import as_label, place_no_labels
 
 MEASURED, FITTED, INK = "#8a8f98", "#c8321f", "#1f5fa8"
 _KINDS = {"piezo": "#dfe7f5", "elastic": "#e9eee2"}
@@ -35,6 +35,7 @@ def _step_svg(curves: Sequence[Curve], noise: float) -> str:
     # Margins in inches, because matplotlib's automatic layout takes longer than the drawing.
     figure.subplots_adjust(1.05 / width, 0.5 / height, 1 - 0.1 / width, 1 - 0.35 / height, wspace=0.25, hspace=0.06)
     axes = figure.subplots(4, len(curves), squeeze=False, sharex="col", height_ratios=[1.2, 1, 1, 0.8])
+    place_no_labels(axes)
     for k, curve in enumerate(curves):
         _curve(axes[:, k], curve, noise)
         axes[0, k].set_title(as_label(f"step {curve.step}"))
