@@ -216,6 +216,13 @@ class Conversations(Questions):
         yield from follower.open()
         return follower
 
+    def _look_up(self, waiter: AnswerWaiter) -> Conversation[None]:
+        """Look for the answer in the journal. Raises DaemonError if the journal could not keep it."""
+        answers, not_kept = yield from self.answers(waiter.measurement)
+        waiter.take(*answers)
+        if waiter.answer is None and waiter.fitter in not_kept:
+            raise DaemonError(not_kept[waiter.fitter], "journal")
+
     def _wait(
         self,
         waiter: AnswerWaiter,
@@ -227,15 +234,19 @@ class Conversations(Questions):
     ) -> Conversation[ReceivedEvent]:
         """Return the answer, listening until it comes. Raises DaemonError if none comes in time.
 
-        If the daemon has to keep the fitter running (`kept`), also raises DaemonError once it no longer does; if the
-        answer was `requested`, once the daemon cannot keep it.
+        Also raises DaemonError once the journal cannot keep the answer, or once the daemon no longer keeps the fitter
+        running though it has to (`kept`).
         """
         deadline = time.monotonic() + patience
-        ask_at = math.inf if requested is None else time.monotonic() + ASK_AGAIN
+        ask_at = time.monotonic() + ASK_AGAIN
         while (answer := waiter.answer) is None:
-            if requested is not None and time.monotonic() >= ask_at:
-                yield from self.answer_to(requested, JobAnswer)  # which is carried out only once
+            if time.monotonic() >= ask_at:
+                if requested is not None:
+                    yield from self.answer_to(requested, JobAnswer)  # which is carried out only once
+                else:
+                    yield from self._look_up(waiter)
                 ask_at = time.monotonic() + ASK_AGAIN
+                continue
             received = yield from follower.receive(max(0.0, min(deadline, ask_at) - time.monotonic()))
             if received is None:
                 if time.monotonic() < deadline:

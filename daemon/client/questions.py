@@ -60,7 +60,13 @@ class Questions:
 
     def fits(self, measurement: str) -> Conversation[tuple[ReceivedEvent, ...]]:
         """Return the fit and diagnosis events of a measurement."""
-        return self._ask_events(ask.FitsRequest(id=uuid7(), measurement=measurement))
+        return (yield from self.answers(measurement))[0]
+
+    def answers(self, measurement: str) -> Conversation[tuple[tuple[ReceivedEvent, ...], dict[str, str]]]:
+        """Return what `fits` returns, and by fitter why its latest answer could not be kept in the journal."""
+        request = ask.FitsRequest(id=uuid7(), measurement=measurement)
+        answer, frames = yield from ask_frames(self._requests, request, reply.EventsAnswer)
+        return tuple(read_events(answer, frames)), answer.not_kept
 
     def unanswered(self, fitter: str) -> Conversation[tuple[str, ...]]:
         """Return the ids of the measurements of this run that a fitter has not answered."""

@@ -183,6 +183,8 @@ class EventsAnswer(Answer, frozen=True, kw_only=True):
     """Whether the journal holds further requested events."""
     missing: tuple[MissingEvents, ...] = ()
     """For a replay: the requested events that are no longer in the journal."""
+    not_kept: dict[str, str] = msgspec.field(default_factory=dict[str, str])
+    """For `fits`: why the latest answer of each of these fitters could not be kept in the journal."""
 
 
 class MeasuredStep(msgspec.Struct, frozen=True):

@@ -5,10 +5,12 @@ import os
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, singledispatchmethod
 from importlib.metadata import version
 from typing import Any
+
+import msgspec
 
 from ....fitters.plugins import installed_names
 from ....models.base.names import among
@@ -18,6 +20,7 @@ from ...files.builds.build_table import BuildError
 from ...files.builds.sent_build import check_sent_build
 from ...journal.journal_reader import MOST_REPLAYED, History, JournalMeasurement, JournalReader
 from ...journal.journal_writer import JournalWriter
+from ...journal.store import JournalError
 from ...journal.stores.event_rows import WITHDRAWN
 from ...journal.withdrawal import WithdrawalError, withdrawal_event
 from ...wire import replies as reply
@@ -64,6 +67,8 @@ class RequestHandlers:
     shutdown: Callable[[], None]
     metrics: Metrics
     backup: Callable[[], reply.BackupState | None]
+    not_kept_answers: dict[str, tuple[str, str]] = field(default_factory=dict[str, tuple[str, str]])
+    """By fitter: the measurement whose answer the journal could not keep, and why."""
 
     @singledispatchmethod
     def answer(self, request: ask.Request, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -260,7 +265,11 @@ class RequestHandlers:
     @answer.register
     def _(self, request: ask.FitsRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
         with self._reading() as journal:
-            return _events(request.id, journal.fits(_known(journal, request.measurement).id))
+            events = journal.fits(_known(journal, request.measurement).id)
+        lost = self.not_kept_answers.copy()  # this runs in another thread
+        not_kept = {fitter: says for fitter, (of, says) in lost.items() if of == request.measurement}
+        answer, frames = _events(request.id, events)
+        return msgspec.structs.replace(answer, not_kept=not_kept), frames
 
     @answer.register
     def _(self, request: ask.FitRequest, raw: Sequence[bytes], client: str) -> tuple[reply.Answer, list[bytes]]:
@@ -294,8 +303,9 @@ class RequestHandlers:
             self._list_fitter(request.fitter, request.version, client)
         event = checked(self.journal, known, request, raw)
         if event is not None:
-            self.journal.store.check_room()  # answers must not fill the space that measurements need
-            self.publish(event, tuple(raw))
+            with self._noted_if_not_kept(known.id, request.fitter):
+                self.journal.store.check_room()  # answers must not fill the space that measurements need
+                self.publish(event, tuple(raw))
         return reply.Answer(id=request.id), []
 
     @answer.register
@@ -310,6 +320,20 @@ class RequestHandlers:
         """Open the journal in another thread; while this one goes on writing, all that is read is of one moment."""
         with closing(self.journal.reader()) as journal, journal.store.snapshot():
             yield journal
+
+    @contextmanager
+    def _noted_if_not_kept(self, measurement: str, fitter: str) -> Generator[None]:
+        """Note why the journal cannot keep the answer of a fitter, for those who wait for it."""
+        lost = self.not_kept_answers
+        lost.pop(fitter, None)
+        try:
+            yield
+        except JournalError as error:
+            says = f"the answer of {fitter} to measurement {measurement} could not be kept: {error}"
+            lost[fitter] = measurement, says
+            if len(lost) > MOST_FITTERS:
+                del lost[next(iter(lost))]
+            raise
 
     def not_kept(self, request: ask.Request) -> str | None:
         """Return why there is no answer to a request that was carried out, if the journal could not keep it."""
@@ -444,7 +468,7 @@ def _measured(history: History) -> reply.MeasuredStep:
 
 def _events(
     request: str, events: Sequence[list[bytes]], *, more: bool = False, missing: Sequence[reply.MissingEvents] = ()
-) -> tuple[reply.Answer, list[bytes]]:
+) -> tuple[reply.EventsAnswer, list[bytes]]:
     """Return an answer with the frames of events as they were published."""
     frames = tuple(len(event) for event in events)
     answer = reply.EventsAnswer(id=request, frames=frames, more=more, missing=tuple(missing))

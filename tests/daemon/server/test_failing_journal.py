@@ -130,6 +130,23 @@ def test_who_waits_for_a_fit_that_could_not_be_kept_is_told(
         assert lab.fit(measurement, "mason", 60).steps == ("disk",), "it is done again"
 
 
+def test_who_waits_for_a_fitter_that_the_daemon_keeps_running_is_told_while_the_disk_is_full(
+    start_daemon: Callable[..., Location], build: Build, refusing: Refusing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(conversations, "ASK_AGAIN", 0.5)
+    start_daemon("Echo")
+    with connect() as lab:
+        with refusing('"fit"'):
+            measurement = lab.measure(build, "disk").id
+            with pytest.raises(DaemonError) as told:
+                lab.wait_fit("guest_examples:Echo", measurement)
+        assert told.value.code == "journal"
+        assert f"Echo to measurement {measurement} could not be kept: " in str(told.value)
+        assert "the disk is full" in str(told.value)
+        monkeypatch.setattr(conversations, "ASK_AGAIN", 60.0)
+        assert lab.wait_fit("guest_examples:Echo", measurement).steps == ("disk",), "it is done again"
+
+
 def test_a_measurement_waits_for_a_full_disk_and_whoever_waits_for_it_is_told(
     start_daemon: Callable[..., Location], build: Build, refusing: Refusing, monkeypatch: pytest.MonkeyPatch, wait_until
 ) -> None:
