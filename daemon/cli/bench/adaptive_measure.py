@@ -9,10 +9,11 @@ if TYPE_CHECKING:
     from ....models.build import Build
     from ....models.sweep_plan import SweepPlan
     from ...client.client import Client
+    from ...wire.replies import AnalyzerState
 
 
 def adapted_plan(
-    lab: "Client", build: "Build", step: str, plan: "SweepPlan", analyzer: str, console: "Console"
+    lab: "Client", build: "Build", step: str, plan: "SweepPlan", on: "AnalyzerState", console: "Console"
 ) -> "SweepPlan":
     """Sweep the range of a plan quickly; return a plan adapted to the resonances seen.
 
@@ -22,10 +23,9 @@ def adapted_plan(
     from ....drivers import capabilities_of
     from ....drivers.planning.adaptive import adapted
 
-    (on,) = (one for one in lab.hello().analyzers if one.name == analyzer)
     can = capabilities_of(on.instrument.idn)
     seconds = can.seconds(plan)
-    adaptation = adapted(plan, seconds, lambda quick: lab.measure(build, step, quick, analyzer=analyzer).sweeps, can)
+    adaptation = adapted(plan, seconds, lambda quick: lab.measure(build, step, quick, analyzer=on.name).sweeps, can)
     points = sum(segment.points for segment in adaptation.plan.segments)
     console.print(
         f"{step}: {len(adaptation.looks)} preliminary sweep(s); {points} points in {len(adaptation.plan.segments)} "

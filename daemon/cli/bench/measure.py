@@ -137,7 +137,7 @@ def measure(
         for name in reached_steps(lab, names, on, screen, report.refused):
             for _ in pause.starts(repeat, name, screen):
                 noted = notes.noted(device, name)
-                _one_step(lab, noted, name, on.name, wanted, screen, report, plan if adaptive else None)
+                _one_step(lab, noted, name, on, wanted, screen, report, plan if adaptive else None)
                 if diagnoser is not None:
                     report.diagnoses.append(diagnoser.step(name, report.measurements[-1]["id"]))
         if diagnoser is None:
@@ -175,7 +175,7 @@ def _by_queue(
                 bring_to_step(lab, step, on, screen)
 
         def measure(entry: "QueuedStep", noted: "Build") -> None:
-            _one_step(lab, noted, entry.step, on.name, fitters, screen, report)
+            _one_step(lab, noted, entry.step, on, fitters, screen, report)
 
         left = what_is_left(wanted, screen)
         check_queue(left, notes, lambda build, plan: check_plan(lab, on, build, plan))  # before anything is glued
@@ -317,7 +317,7 @@ def _one_step(
     lab: "Client",
     build: "Build",
     step: str,
-    analyzer: str,
+    on: "AnalyzerState",
     fitters: tuple[str, ...],
     console: "Console",
     report: Report,
@@ -326,8 +326,8 @@ def _one_step(
     """Measure one step, with `adapt` by a plan adapted to it from that one, and show its fits."""
     from .adaptive_measure import adapted_plan
 
-    plan = adapted_plan(lab, build, step, adapt, analyzer, console) if adapt else None
-    measurement = _sweep(lab, build, step, analyzer, plan, console)
+    plan = adapted_plan(lab, build, step, adapt, on, console) if adapt else None
+    measurement = _sweep(lab, build, step, on.name, plan, console)
     ended = time.perf_counter()
     report.measurements.append(
         {
