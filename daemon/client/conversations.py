@@ -9,7 +9,7 @@ import warnings
 from asyncio import CancelledError
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Unpack
 
 from ...fitters.interface import FitResult
 from ...models.build import Build
@@ -21,7 +21,7 @@ from ..wire.requests import DiagnoseRequest, FitRequest, MeasureRequest
 from ..wire.uuid7 import uuid7
 from .event_follower import EventFollower
 from .protocol import Conversation, DaemonError, Deliver, Stream, replay_page
-from .questions import Questions
+from .questions import MeasureOptions, Questions
 from .result_waiter import AnswerWaiter, Measurement, MeasurementWaiter, diagnosis_of, fit_of, require
 
 ASK_AGAIN = 10.0
@@ -103,30 +103,17 @@ class Conversations(Questions):
         step: str,
         plan: SweepPlan | None = None,
         progress: Callable[[ProgressEvent], None] = lambda _: None,
-        *,
-        priority: int = 0,
-        lease: str | None = None,
-        decides: str | None = None,
-        analyzer: str | None = None,
+        **options: Unpack[MeasureOptions],
     ) -> Conversation[Measurement]:
         """Measure a step of a build and wait for the end; Ctrl-C or cancelling the task cancels the measurement.
 
-        Without `plan`, the build's own plan is used. A higher `priority` (-10 .. 10) goes first. `lease` is needed
-        while the instrument is leased. `decides` is the id of the measurement whose diagnosis this one helps to decide.
-        `analyzer` is the name of one of the daemon's analyzers; None: the first one that this client may use. Raises
-        DaemonError with the daemon's sentence if the measurement failed or was cancelled.
+        Without `plan`, the build's own plan is used. Options: a higher `priority` (-10 .. 10) goes first; `lease` is
+        needed while the instrument is leased; `decides` is the id of the measurement whose diagnosis this one helps to
+        decide; `analyzer` is the name of one of the daemon's analyzers, by default the first one that this client may
+        use. Raises DaemonError with the daemon's sentence if the measurement failed or was cancelled.
         """
         follower = yield from self._follow()
-        request = MeasureRequest(
-            id=uuid7(),
-            build=build,
-            step=step,
-            plan=plan,
-            priority=priority,
-            lease=lease,
-            decides=decides,
-            analyzer=analyzer,
-        )
+        request = MeasureRequest(id=uuid7(), build=build, step=step, plan=plan, **options)
         measurement: str | None = None
         with _warning_of_bias(plan or build.plan):
             try:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar, Unpack
 
 from ...fitters.interface import Curve, FitResult
 from ...models.build import Build
@@ -15,6 +15,19 @@ from ..wire.uuid7 import uuid7
 from .protocol import PATIENCE, Conversation, DaemonError, Deliver, Stream, ask_frames, read_events
 
 A = TypeVar("A", bound=reply.Answer)
+
+
+class MeasureOptions(TypedDict, total=False):
+    """Options of a measurement; without them, the defaults of `MeasureRequest`."""
+
+    priority: int
+    """A higher one (-10 .. 10) goes first."""
+    lease: str | None
+    """Needed while the instrument is leased."""
+    decides: str | None
+    """The id of the measurement whose diagnosis this one helps to decide."""
+    analyzer: str | None
+    """The name of one of the daemon's analyzers; None: the first one that this client may use."""
 
 
 class Questions:
@@ -79,28 +92,10 @@ class Questions:
         return (yield from self.answer_to(request, reply.BenchAnswer)).answer
 
     def begin(
-        self,
-        build: Build,
-        step: str,
-        plan: SweepPlan | None = None,
-        *,
-        priority: int = 0,
-        lease: str | None = None,
-        decides: str | None = None,
-        analyzer: str | None = None,
+        self, build: Build, step: str, plan: SweepPlan | None = None, **options: Unpack[MeasureOptions]
     ) -> Conversation[str]:
         """Request a measurement without waiting for it, and return its id. The arguments are those of `measure`."""
-        request = ask.MeasureRequest(
-            id=uuid7(),
-            build=build,
-            step=step,
-            plan=plan,
-            priority=priority,
-            lease=lease,
-            decides=decides,
-            analyzer=analyzer,
-        )
-        return (yield from self.begun(request))
+        return (yield from self.begun(ask.MeasureRequest(id=uuid7(), build=build, step=step, plan=plan, **options)))
 
     def begun(self, request: ask.MeasureRequest) -> Conversation[str]:
         """Send a request for a measurement, once or again, and return its id."""
