@@ -253,7 +253,8 @@ def glued(sweeps):
 
 
 def test_layers_are_found_on_a_known_disk():
-    found = glued(recorded(DISK, GLUE, MATCHING, seed=1))
+    sweeps = recorded(DISK, GLUE, MATCHING, seed=1)
+    found = glued(tuple(replace(one, frequency=one.frequency[::2], impedance=one.impedance[::2]) for one in sweeps))
     assert not found.seeds
     objective = found.descent.objective
     values, _ = objective.coordinates.forward(found.descent.x)
