@@ -40,7 +40,7 @@ from pzctl.daemon.wire.socket_options import limit
 from pzctl.models.build import Build
 
 
-@settings(deadline=None, max_examples=500)
+@settings(deadline=None, max_examples=200)
 @given(st.integers(0, 2**32))
 def test_readers_say_what_is_wrong_or_read(seed: int) -> None:
     frames = mutated(seed)

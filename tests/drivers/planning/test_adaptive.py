@@ -52,7 +52,7 @@ def test_a_narrow_resonance_is_resolved_by_a_second_preliminary_sweep(q):
     assert found.plan.joined
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.lists(
         st.builds(

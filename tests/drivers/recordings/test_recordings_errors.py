@@ -189,7 +189,7 @@ def damaged(text: bytes, seed: int) -> bytes:
 
 
 @pytest.mark.parametrize("name", SEEDS)
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(seed=st.integers(0, 2**32))
 def test_a_damaged_file_gives_a_sweep_or_a_sentence(
     tmp_path_factory: pytest.TempPathFactory, name: str, seed: int

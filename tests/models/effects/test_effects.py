@@ -89,7 +89,7 @@ def test_every_effect_of_the_design_is_there_and_speaks() -> None:
         find_effect("gremlins")
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(stacks())
 def test_at_its_null_value_an_effect_changes_nothing(stack: Stack) -> None:
     Z = stack.impedance(F)
@@ -138,7 +138,7 @@ def test_derivatives_by_the_stacks_parameters_are_exact_with_any_effects(device:
         assert np.max(np.abs(expected - row)) < within * np.max(np.abs(row)) + rounding, name
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(devices(catalogue()), st.randoms())
 def test_the_order_in_which_effects_are_added_does_not_matter(device: Device, random) -> None:
     turned = Device(device.bare, conditions=device.conditions)
@@ -150,7 +150,7 @@ def test_the_order_in_which_effects_are_added_does_not_matter(device: Device, ra
 ONLY_DESCRIBE = ("spurious-resonance", "dielectric-dispersion", "piezoelectric-dispersion")
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=50)
 @given(devices([effect for effect in LINEAR if effect.name not in ONLY_DESCRIBE]))
 def test_effects_do_not_generate_energy(device: Device) -> None:
     """Exceptions are a residue with a phase, a non-causal permittivity and a coupling that may lose more than both of
@@ -160,7 +160,7 @@ def test_effects_do_not_generate_energy(device: Device) -> None:
     assert np.all(Z.real >= -1e-10 * np.abs(Z))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(devices(catalogue()), st.sampled_from([-1e30, 1e30]))
 def test_no_parameter_value_breaks_a_device(device: Device, extreme: float) -> None:
     own = device.bare.parameters()

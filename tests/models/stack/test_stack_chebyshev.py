@@ -160,7 +160,7 @@ def stacks(draw: st.DrawFn) -> Stack:
     return Stack(layers, *loads, 1e-4, draw(st.sampled_from(["series", "parallel"])))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(stacks(), st.floats(0.2e6, 12e6))
 def test_random_stacks_solve_their_differential_equations(stack: Stack, f: float) -> None:
     found, expected = stack.impedance(np.array([f]))[0], Collocation(stack, f).Z()
