@@ -35,13 +35,13 @@ def solder(case):
     return Dot(part, density * case.size["height"], density * speed, speed, 0.0, 1 / SOLDER["loss"], SOLDER["poisson"])
 
 
-def compared(faces, radius, frequency, per_thickness=5):
+def compared(faces, radius, frequency):
     """Return |ln Z| of the reduced disk less that of finite elements, and that of the dot itself, shape (N,)."""
     case = case_with(radius)
     ten = np.array([constants_at(case, f) for f in frequency])
     shape = Shape(case.diameter / 2, case.thickness, case.density)
     made = FreeDisk(faces, shape, ten, frequency, False).with_dots((PlacedDot("face:front", solder(case)),))
-    Z = FeDisk(case, per_thickness).impedance(frequency)
+    Z = FeDisk(case).impedance(frequency)
     w = 2j * np.pi * frequency
     return np.abs(np.log(w * made.capacitance * Z)), np.abs(np.log(w * made.bare_capacitance * Z))
 
@@ -63,7 +63,7 @@ if __name__ == "__main__":
     own, every = trained_for_loads(CASE.diameter / CASE.thickness), CASE.frequency[::4]
     for size in RADII:
         off, dot = compared(own, size, every)
-        meshes = [FeDisk(case_with(size), per).impedance(every) for per in (5, 8)]
+        meshes = [FeDisk(case_with(size), order).impedance(every) for order in (7, 9)]
         mesh = np.abs(np.log(meshes[0] / meshes[1]))
         for name, one in (("model", off), ("dot", dot), ("mesh", mesh)):
             rms = np.sqrt(np.mean(one**2))
