@@ -22,7 +22,7 @@ from ....models.stack import LossLaw
 from ...disk.bare_disk import BareDisk, bare_disk
 from ...disk.two_d.disk2d import disk_result
 from ...disk.two_d.disk_fit import FittedDisk
-from ...disk.two_d.disk_under_diagnosis import diagnosable, thinner
+from ...disk.two_d.disk_under_diagnosis import diagnosable, plate_of, thinner
 from ...disk.two_d.tensor_start import implausibility
 from ...disk.two_d.valley_search import FEW
 from ...engine.fitted_model import FittedModel, Seed
@@ -93,7 +93,7 @@ class DiskTried:
         made = diagnosable(replace(bare, model=self.whole.model, descent=replace(bare.descent, objective=same)))
         names = frozenset((one.effect.name, one.where) for one in self.beside)
         values, _ = self.whole.descent.objective.coordinates.forward(self.whole.descent.x)
-        return replace(made, seeds=(Seed(names, values),) if names else ())
+        return replace(made, scale=plate_of(self.whole), seeds=(Seed(names, values),) if names else ())
 
 
 def _with_law(recording: Recording, law: LossLaw, *, rough: bool) -> Recording:
