@@ -47,7 +47,7 @@ def pulls(case, constants):
     """Return (estimate - truth)/u of the density, and of what terminals show of both parts of the ten constants.
 
     That is c/rho, e/sqrt(rho) and eps: at the terminals a disk is like one of another density that has the same.
-    The density is known from the build alone, one draw for seven constants, to 0.5 %. What the recordings tell
+    The density is known from the build alone, one draw for eight constants, to 0.5 %. What the recordings tell
     beside it is a hundred times as sure, and with it in u no error of that would show.
     """
     rho, off = constants["disk.density"], {}
