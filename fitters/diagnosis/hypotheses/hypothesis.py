@@ -21,7 +21,7 @@ from ...error_model.prior_scales import LEFT, SHAPE
 from ...error_model.unexplained import beyond_constants, rms_of, unexplained_at
 from ...interface import UNCOMPUTABLE
 from ..decision_rules import APPROXIMATE, ASTRAY, COARSENED, ODDS, UNFINISHED
-from .own_losses import log_losses, own_losses
+from .own_losses import deviations_of, log_losses, own_losses
 from .problem import Candidate, Problem
 from .size_priors import SizePriors, block_of, formula_errors, log_tails_of
 
@@ -129,8 +129,7 @@ class Hypothesis:
     @property
     def astray(self) -> bool:
         """Whether its dimensions and constants are further from the build than those of one build in twenty."""
-        away = self.objective.improbability(self.values)
-        return away.size > 0 and float(away @ away) > float(chdtri(away.size, ASTRAY))
+        return _is_astray(self.objective.improbability(self.values))
 
     @property
     def strained(self) -> bool:
@@ -141,6 +140,19 @@ class Hypothesis:
         return self.astray or not self.fit.has_usual_errors
 
     @property
+    def is_complete(self) -> bool:
+        """Whether it leaves nothing that an effect could explain, and nothing that one could bring back.
+
+        It describes the recordings to their noise, the evidence is against any error, smooth or rough, of constants or
+        instrument; and constants, dimensions and losses are nearer to what is known beforehand than those of one build
+        in twenty.
+        """
+        if self.fit.shortfall > 0 or not self.fit.exact or self.astray:
+            return False
+        away = self.objective.improbability(self.values), deviations_of(self.losses, self.fit)
+        return not _is_astray(np.concatenate(away))
+
+    @property
     def coarseness(self) -> float:
         """How much ln evidence counts as one nat if this is the best explanation."""
         return coarseness(self.fit.shortfall, self.fit.exact)
@@ -149,6 +161,11 @@ class Hypothesis:
     def objective(self) -> Objective:
         """The objective, weighted by noise alone."""
         return self.fit.marginal.objective
+
+
+def _is_astray(away: Reals) -> bool:
+    """Return whether deviations, in standard uncertainties, are together as large as those of one build in twenty."""
+    return away.size > 0 and float(away @ away) > float(chdtri(away.size, ASTRAY))
 
 
 def _ways_to_leave(left: float, usual: float) -> tuple[float, float]:

@@ -93,6 +93,11 @@ def drawn_by_losses(known: Sequence[Prior], fit: MarginalFit) -> tuple[Reals, Re
     return moved.T @ moved, moved.T @ away
 
 
+def deviations_of(known: Sequence[Prior], fit: MarginalFit) -> Reals:
+    """Return by how many standard uncertainties each of the losses that a fit has is off, shape (K,)."""
+    return _losses_at(known, fit)[1]
+
+
 def _losses_at(known: Sequence[Prior], fit: MarginalFit) -> tuple[Sequence[Prior], Reals, Reals]:
     """Return what is known of the losses that a fit has, and by how many standard uncertainties it is off there, (K,).
 

@@ -21,7 +21,6 @@ from ..decision_rules import (
     SUBSTITUTES,
     WORTH,
 )
-from ..hypotheses.changes import change_by
 from ..hypotheses.condensed_recordings import condensed
 from ..hypotheses.hypothesis import Hypothesis, beside, coarseness
 from ..hypotheses.problem import Candidate, Problem
@@ -130,10 +129,8 @@ class GreedySearch(FittedHypotheses):
         """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
         # those that were tried beside the rest, too: from other constants they may have ended in another minimum
         left = [other for other in beside(rest.effects, self.candidates) if other.effect is not effect.effect]
-        own = change_by(self.problem, one, effect)
         alike: dict[str, ScreenedCandidate] = {}
-        # constants without any effect may have gone far to imitate this one
-        for found in resembling(self.problem, rest if rest.effects else one, own, left):
+        for found in resembling(self.problem, one, effect, rest, left):
             if found.gain > RESEMBLING:
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
@@ -198,7 +195,8 @@ class GreedySearch(FittedHypotheses):
 
         What an effect promises is computed where the constants are, and what is missing has led these astray: one that
         promises nothing there may explain everything. Where nothing is missing they are not astray; and where one
-        effect leaves nothing, others explain as much only if their changes resemble its own.
+        effect leaves nothing, others explain as much only if their changes resemble its own. Beside a complete
+        description there is nothing to explain: what the constants would hide cannot be decided, and is listed.
         """
         null = self.null
         lists = self._screened(null)
@@ -206,6 +204,8 @@ class GreedySearch(FittedHypotheses):
             self._likely = lists[1][0].candidate
         chosen = self._chosen(lists, null, FITTED_FIRST, choosy=False)
         self._fit_alone(chosen)
+        if null.is_complete and self.best is null:
+            return
         others: dict[Candidate, list[ScreenedCandidate]] = {}
         for promise in (one for promises in lists for one in promises if one.absorbed):
             others.setdefault(promise.candidate, []).append(promise)
@@ -232,6 +232,8 @@ class GreedySearch(FittedHypotheses):
         plans = [plan for one, promises in chosen.items() for plan in self._plans(null, one, promises)]
         self.fit(plans[:AHEAD])
         self.fit(plans[AHEAD:])
+        if null.is_complete:
+            return  # it is the minimum of plain least squares, from which these have started
         lost = [promises[0] for one, promises in chosen.items() if self._lost(null, one)]
         if self.best.fit.shortfall == 0:
             lost = [promise for promise in lost if not promise.absorbed]  # it adds nothing to the null near its minimum
@@ -247,7 +249,7 @@ class GreedySearch(FittedHypotheses):
             alike = {
                 found.candidate
                 for effect in best.effects
-                for found in resembling(self.problem, best, change_by(self.problem, best, effect), left)
+                for found in resembling(self.problem, best, effect, self.null, left)
                 if found.gain > RESEMBLING
             }
             promises = [one for one in promises if one.candidate in alike]

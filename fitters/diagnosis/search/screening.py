@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ...error_model.error_sizes import USUAL, ErrorSizes
 from ...error_model.marginal_fit import ONE_IN_TWENTY
 from ...error_model.point_covariance import Kernel, PointErrors
 from ..decision_rules import ABSORBED, NAMED
+from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.own_losses import drawn_by_losses
 from ..hypotheses.problem import Candidate, Problem
@@ -35,6 +37,9 @@ _LINES = 100
 _SCANS = 160
 _STRONGEST = 3
 """Number of lines of the residual at which a sharp resonance is tried."""
+_BROUGHT = 5
+"""Times that sizes are brought nearer to where a change is as large as another: each leaves a third of the difference,
+or less."""
 _SAME = 0.999999
 _SMALL = 1e-2
 """Amplitude of an echo, relative to the usual one, from which its change of ln Z is taken to first order."""
@@ -91,7 +96,8 @@ def screened(
     hypothesis's own errors, or as these without the rough ones, which describe anything. `jobs`: number of processes.
     """
     lines = _lines(parent, candidates)
-    changed = on_cores([partial(_changes, problem, parent, one, lines.get(one.step, [])) for one in candidates], jobs)
+    made = [partial(_changes_beside, problem, parent, one, lines.get(one.step, [])) for one in candidates]
+    changed = on_cores(made, jobs)
     trials = [(one, *change) for one, own in zip(candidates, changed, strict=True) for change in own]
     if not trials:
         return [], [], [], []
@@ -119,29 +125,74 @@ def explaining_most(
 
 
 def resembling(
-    problem: Problem, rest: Hypothesis, own: Sequence[Complexes], candidates: Sequence[Candidate]
+    problem: Problem, one: Hypothesis, effect: Candidate, rest: Hypothesis, candidates: Sequence[Candidate]
 ) -> list[ScreenedCandidate]:
-    """Return the candidates whose change of ln Z beside `rest` resembles `own`, the most similar first.
+    """Return the candidates that change ln Z in place of an effect of a hypothesis as that does, most similar first.
 
-    `own` is a change of each recording, shape (N,). Constants are projected out; the gain of each is its correlation,
-    0 to 1.
+    Beside its other effects and at its constants: those of `rest`, which lacks the effect, may have gone far to imitate
+    it; only where lines stand out is read from its residual. Constants are projected out; the gain of each is its
+    correlation, 0 to 1. A large change has the shape of another only where it is as large, so that sizes are brought
+    there.
     """
-    lines = _lines(rest, candidates)
-    changes = [(one, _changes(problem, rest, one, lines.get(one.step, []))) for one in candidates]
-    trials = [(one, values, change) for one, own in changes for values, change in own]
+    own, lines = change_by(problem, one, effect), _lines(rest, candidates)
+    others = [other for other in one.effects if other is not effect]
+    changers = {other: _changer(problem, others, one.values, other) for other in candidates}
+    changes = [
+        (other, _changes(problem, rest, other, lines.get(other.step, []), changers[other])) for other in candidates
+    ]
+    trials = [(other, values, change) for other, tried in changes for values, change in tried]
     if not trials:
         return []
-    columns = rest.projected([list(own), *(change for *_, change in trials)])
-    norm = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    correlation = np.abs(columns[:, 0] @ columns) / norm[0] / norm
-    stretch = (columns[:, 0] @ columns) / norm**2
     best: dict[Candidate, ScreenedCandidate] = {}
-    for (one, values, _), alike, size in zip(trials, correlation[1:].tolist(), stretch[1:].tolist(), strict=True):
-        if one not in best or alike > best[one].gain:
-            best[one] = ScreenedCandidate(
-                one, alike, _stretched(one, values, float(np.clip(size, 1 / _STRETCH, _STRETCH)))
-            )
+    nearest: dict[Candidate, tuple[dict[str, float], float]] = {}
+    for (other, values, _), like in zip(trials, _likeness(one, own, trials), strict=True):
+        if other not in best or like.correlation > best[other].gain:
+            stretch = float(np.clip(like.along, 1 / _STRETCH, _STRETCH))
+            best[other] = ScreenedCandidate(other, like.correlation, _stretched(other, values, stretch))
+            nearest[other] = values, like.length
+    for _ in range(_BROUGHT):
+        moved = [(other, _stretched(other, *near)) for other, near in nearest.items() if _grows(other)]
+        made = [(other, values, changers[other](values)) for other, values in moved]
+        trials = [trial for trial in made if _is_finite(trial[2])]
+        nearest = {}
+        for (other, values, _), like in zip(trials, _likeness(one, own, trials), strict=True):
+            nearest[other] = values, like.length
+            if like.correlation > best[other].gain:
+                best[other] = ScreenedCandidate(other, like.correlation, values)
     return sorted(best.values(), key=lambda promise: -promise.gain)
+
+
+class _Likeness(NamedTuple):
+    """How a change of ln Z is like another one."""
+
+    correlation: float
+    """Without its sign, 0 to 1."""
+    along: float
+    """Factor by which it is nearest to the other one."""
+    length: float
+    """Factor by which it is as large as the other one."""
+
+
+def _likeness(
+    one: Hypothesis, own: Sequence[Complexes], trials: Sequence[tuple[Candidate, dict[str, float], list[Complexes]]]
+) -> list[_Likeness]:
+    """Return how each change is like `own` beyond what the constants of a hypothesis could do."""
+    columns = one.projected([list(own), *(change for *_, change in trials)])
+    norm = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    along = columns[:, 0] @ columns / norm**2
+    return [
+        _Likeness(abs(factor) * size / float(norm[0]), factor, float(norm[0]) / size)
+        for factor, size in zip(along[1:].tolist(), norm[1:].tolist(), strict=True)
+    ]
+
+
+def _is_finite(changed: Sequence[Complexes]) -> bool:
+    return all(np.all(np.isfinite(own)) for own in changed)
+
+
+def _grows(one: Candidate) -> bool:
+    """Return whether a change grows with all sizes of an effect, from none."""
+    return all(knob.from_nothing for _, knob in one.sizes)
 
 
 def _lines(parent: Hypothesis, candidates: Sequence[Candidate]) -> dict[str, list[WeakLine]]:
@@ -150,16 +201,44 @@ def _lines(parent: Hypothesis, candidates: Sequence[Candidate]) -> dict[str, lis
     return {step: strongest_lines(parent, step, _STRONGEST) for step in steps}
 
 
-def _changes(
+def _changes_beside(
     problem: Problem, parent: Hypothesis, one: Candidate, lines: Sequence[WeakLine]
 ) -> list[tuple[dict[str, float], list[Complexes]]]:
-    """Return the trial parameters and the change of ln Z that they cause in every recording."""
-    with_one = problem.with_effects([*parent.effects, one])
+    """Return the trial parameters of an effect beside a hypothesis, and the change of ln Z in every recording."""
+    return _changes(problem, parent, one, lines, _changer(problem, parent.effects, parent.values, one))
+
+
+def _changes(
+    problem: Problem,
+    parent: Hypothesis,
+    one: Candidate,
+    lines: Sequence[WeakLine],
+    change: Callable[[Mapping[str, float]], list[Complexes]],
+) -> list[tuple[dict[str, float], list[Complexes]]]:
+    """Return the same for another `change`; lines and delays are those that the residual of `parent` shows."""
+    delays = _delays(parent, one, change)
+    made: list[tuple[dict[str, float], list[Complexes]]] = []
+    for effect_parameters in _trials(problem, one, lines, delays):
+        values = {one.prefix + name: value for name, value in effect_parameters.items()}
+        changed = change(values)
+        if _is_finite(changed):
+            made.append((values, changed))
+    return made
+
+
+def _changer(
+    problem: Problem, effects: Sequence[Candidate], at: Mapping[str, float], one: Candidate
+) -> Callable[[Mapping[str, float]], list[Complexes]]:
+    """Return the function from an effect's parameters to its change of ln Z in every recording.
+
+    `effects`: beside these; `at`: for these values of all other parameters.
+    """
+    with_one = problem.with_effects([*effects, one])
     models: list[Model] = []
     for recording in with_one:
         model = recording.model
         renamed = {recording.renamed.get(name, name): name for name in model.parameters()}
-        models.append(model.replace({own: parent.values[n] for n, own in renamed.items() if n in parent.values}))
+        models.append(model.replace({own: at[name] for name, own in renamed.items() if name in at}))
     sweeps = [recording.sweep.frequency for recording in with_one]
     devices = {
         k: model
@@ -173,14 +252,7 @@ def _changes(
             for k, f in enumerate(sweeps)
         ]
 
-    delays = _delays(parent, one, change)
-    made: list[tuple[dict[str, float], list[Complexes]]] = []
-    for effect_parameters in _trials(problem, one, lines, delays):
-        values = {one.prefix + name: value for name, value in effect_parameters.items()}
-        changed = change(values)
-        if all(np.all(np.isfinite(own)) for own in changed):
-            made.append((values, changed))
-    return made
+    return change
 
 
 def _delays(
