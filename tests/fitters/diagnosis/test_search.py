@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from relaxing_disk import F, recorded
 
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
@@ -15,7 +16,7 @@ from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.plan import Plan
 from pzctl.fitters.diagnosis.search.refit import as_refit, refit, shift_of
 from pzctl.fitters.diagnosis.search.score_test import Score, scores, together
-from pzctl.fitters.diagnosis.search.screening import screened
+from pzctl.fitters.diagnosis.search.screening import resembling, screened
 from pzctl.fitters.diagnosis.search.trial_fits import null_refit, polish, resoftened
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
@@ -213,6 +214,28 @@ def test_a_search_that_ends_at_its_budget_says_so(lead_case, monkeypatch: pytest
         *cut.says[:-1],
         cut.says[-1].split(":")[0],
     )
+
+
+def test_what_looks_like_a_large_effect_is_compared_where_it_is_as_large(bare: Device) -> None:
+    """A lead of 60 nH moves the resonances so far that one of usual size changes Z at other frequencies."""
+    device = bare.with_effect(find_effect("lead-inductance"), "terminals", {"inductance": 6e-8})
+    task = recorded(device.impedance(F))
+    problem = Problem.of(solve(task, lambda _: None), None)
+    cable, lead = (candidates(problem, (name,))[0] for name in ("cable", "lead-inductance"))
+    start = {**problem.values, cable.prefix + "inductance": 6e-8}
+    one, null = fitted(problem, (cable,), start), fitted(problem, (), problem.values, near=True)
+    (found,) = resembling(problem, one, cable, null, [lead])
+    assert found.gain > 0.95
+    assert found.start[lead.prefix + "inductance"] == pytest.approx(6e-8, rel=0.05)
+
+
+def test_beside_a_complete_description_nothing_is_fitted_that_it_would_hide(nothing: FitTask) -> None:
+    problem = Problem.of(solve(nothing, lambda _: None), None)
+    hidden = candidates(problem, ("stray-capacitance", "surface-layer", "face-load"))
+    search = GreedySearch(problem, hidden)
+    assert search.run().effects == ()
+    assert search.null.is_complete
+    assert list(search.found) == [frozenset()]
 
 
 def test_where_constants_are_astray_effects_that_may_bring_them_back_are_fitted_from_the_build(
