@@ -61,9 +61,7 @@ class DielectricDispersion(Effect):
             EffectParameter("slope", "1", typical=0.01, upper=0.5, prior=(slope, 1.4)),
             EffectParameter("relaxation", "1", typical=0.01, upper=0.5, prior=(1e-2, 1.8)),
             EffectParameter("loss_exponent", "1", typical=0.3, lower=-1.0, upper=1.0, prior=(0.0, 0.4)),
-            EffectParameter(
-                "relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3, scan=_RELAXES
-            ),
+            EffectParameter("relaxation_frequency", "1", typical=0.1, lower=0.02, upper=10.0, null=0.3, scan=_RELAXES),
         )
 
     def added_losses(self, where: str, values: Mapping[str, float]) -> Mapping[str, float]:

@@ -27,8 +27,9 @@ from ..hypotheses.problem import Candidate, Problem
 from .exact_search import exact_hypotheses
 from .fitted_hypotheses import FittedHypotheses
 from .local_errors import with_local_errors
+from .look_alikes import resembling
 from .plan import Plan
-from .screening import ScreenedCandidate, resembling, screened
+from .screening import ScreenedCandidate, screened
 
 _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""

@@ -29,7 +29,7 @@ def test_a_request_that_comes_just_before_a_later_answer_is_sent() -> None:
                 serving = asyncio.create_task(server.serve())
                 await asyncio.sleep(0.2)
                 client.send(b'{"request": "status", "id": "s"}')
-                time.sleep(0.2)  # noqa: ASYNC251: it comes while this loop does something else
+                time.sleep(0.2)  # it comes while this loop does something else
                 server._send([b"another client"], [b"{}"], time.monotonic(), -1)
                 for _ in range(100):
                     await asyncio.sleep(0.02)

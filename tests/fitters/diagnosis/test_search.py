@@ -13,10 +13,11 @@ from pzctl.fitters.diagnosis.hypotheses.hypothesis import Hypothesis, fitted
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate, Problem
 from pzctl.fitters.diagnosis.search import fitted_hypotheses
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
+from pzctl.fitters.diagnosis.search.look_alikes import resembling
 from pzctl.fitters.diagnosis.search.plan import Plan
 from pzctl.fitters.diagnosis.search.refit import as_refit, refit, shift_of
 from pzctl.fitters.diagnosis.search.score_test import Score, scores, together
-from pzctl.fitters.diagnosis.search.screening import resembling, screened
+from pzctl.fitters.diagnosis.search.screening import screened
 from pzctl.fitters.diagnosis.search.trial_fits import null_refit, polish, resoftened
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
