@@ -32,7 +32,7 @@ def test_a_plan_beyond_the_analyzer_is_refused_before_anything_is_glued(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     glued: list[object] = []
-    monkeypatch.setattr("pzctl.daemon.cli.bench.measure._prepare", lambda *of: glued.append(of))
+    monkeypatch.setattr("pzctl.daemon.cli.bench.preparation.bring_to_step", lambda *of: glued.append(of))
     build = THESIS_BUILD.read_text(encoding="utf-8").split("[sweep]", maxsplit=1)[0]
     plan = "[sweep]\nsegments = [ { start_MHz = 1, stop_MHz = 200, points = 11 } ]\n"
     (tmp_path / "far.toml").write_text(build + plan, encoding="utf-8")
