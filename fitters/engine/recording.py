@@ -1,6 +1,6 @@
 """The data of a fit: recordings with their noise, and prior knowledge."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
@@ -157,6 +157,12 @@ class Recording:
             return log_ratio(Z, self.sweep.impedance) * self._log_weight, self._log_weight
         scale = 2 * np.pi * self.sweep.frequency / float(np.sqrt(np.mean((self._lever * self.sigma) ** 2)))
         return scale * (Z - self.sweep.impedance), scale * Z
+
+
+def recorded_band(recordings: Sequence[Recording]) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of all recordings, Hz."""
+    lowest = min(float(recording.sweep.frequency[0]) for recording in recordings)
+    return lowest, max(float(recording.sweep.frequency[-1]) for recording in recordings)
 
 
 def log_ratio(model: Complexes, measured: Complexes) -> Complexes:

@@ -15,7 +15,7 @@ _SOFT = 7e-3
 """Slope in a soft ceramic, for a layer whose loss the build does not state."""
 
 _RELAXES = (0.1, 0.3, 1.0, 3.0)
-"""Frequencies of a relaxation, relative to the resonance, from which fits start: within, below and above the band."""
+"""Frequencies of a relaxation, relative to the resonance, from which fits start: below, within and above most bands."""
 
 
 def _causal_slope(layer: object) -> float:

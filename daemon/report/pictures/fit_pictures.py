@@ -7,7 +7,7 @@ import numpy as np
 
 from ....fitters.interface import Curve, FitResult
 from ....models.base.arrays import Complexes, Impedances
-from .picture_file import as_label, place_no_labels, save_picture
+from .picture_file import as_label, few_minor_ticks, place_no_labels, save_picture
 
 _HEIGHT = 12.0
 """Height of the picture in inches."""
@@ -51,7 +51,7 @@ def fit_figure(result: FitResult) -> Any:
 
 
 def _column(axes: Any, curve: Curve, noise: float) -> None:
-    from matplotlib.ticker import LogLocator, MultipleLocator
+    from matplotlib.ticker import MultipleLocator
 
     f = curve.frequency / 1e6
     for values, style in ((curve.measured, _MEASURED), (curve.start, _START), (curve.fitted, _FITTED)):
@@ -61,7 +61,7 @@ def _column(axes: Any, curve: Curve, noise: float) -> None:
         axes[2].semilogy(f, np.maximum(admittance.real, 1e-12), **style)
         axes[3].plot(f, admittance.imag, **style)
     for row in (0, 2):
-        axes[row].yaxis.set_minor_locator(LogLocator(subs=(2, 5)))  # all eight take a quarter of the drawing
+        few_minor_ticks(axes[row])
     axes[1].yaxis.set_major_locator(MultipleLocator(45))
     ratio: Complexes = np.log(curve.fitted / curve.measured)
     axes[4].plot(f, ratio.real, linewidth=0.8, label="ln |Z_model/Z|")

@@ -26,6 +26,13 @@ def place_no_labels(grid: Any) -> None:
         axes.yaxis.set_label_coords(0, 0)
 
 
+def few_minor_ticks(axes: Any) -> None:
+    """Give a logarithmic axis two minor ticks for each decade: all eight take a quarter of the drawing."""
+    from matplotlib.ticker import LogLocator
+
+    axes.yaxis.set_minor_locator(LogLocator(subs=(2, 5)))
+
+
 def check_picture(path: Path) -> None:
     """Refuse a path that a picture cannot be written to, before any work is done. Raises PictureError."""
     if path.is_dir():

@@ -10,7 +10,7 @@ import numpy as np
 from ....fitters.interface import Constant, Curve, FitResult
 from ....models.base.arrays import Impedances
 from ....models.build import Build
-from .picture_file import as_label, place_no_labels
+from .picture_file import as_label, few_minor_ticks, place_no_labels
 
 MEASURED, FITTED, INK = "#8a8f98", "#c8321f", "#1f5fa8"
 _KINDS = {"piezo": "#dfe7f5", "elastic": "#e9eee2"}
@@ -48,7 +48,7 @@ def _step_svg(curves: Sequence[Curve], noise: float) -> str:
 
 
 def _curve(axes: Any, curve: Curve, noise: float) -> None:
-    from matplotlib.ticker import LogLocator, MultipleLocator
+    from matplotlib.ticker import MultipleLocator
 
     f = curve.frequency / 1e6
     for z, colour, width, label in ((curve.measured, MEASURED, 2.6, "measured"), (curve.fitted, FITTED, 0.9, "fitted")):
@@ -59,7 +59,7 @@ def _curve(axes: Any, curve: Curve, noise: float) -> None:
     axes[3].axhspan(-2 * noise, 2 * noise, color="0.9", zorder=0, label="twice the noise")
     axes[3].ticklabel_format(axis="y", style="sci", scilimits=(-2, 2))
     for row in (0, 2):
-        axes[row].yaxis.set_minor_locator(LogLocator(subs=(2, 5)))  # all eight take a quarter of the drawing
+        few_minor_ticks(axes[row])
     axes[1].yaxis.set_major_locator(MultipleLocator(45))
     axes[3].plot(f, ratio.real, color=FITTED, linewidth=0.7, label="magnitude")
     axes[3].plot(f, ratio.imag, color=INK, linewidth=0.7, label="phase (rad)")

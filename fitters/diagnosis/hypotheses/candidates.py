@@ -10,6 +10,7 @@ from ....models.base.model import Model
 from ....models.effects import Device, Effect, EffectParameter
 from ....models.effects.base.effect import SWEEP, TERMINALS, interfaces, is_bare_front
 from ....models.stack import Stack
+from ...engine.recording import recorded_band
 from ...user_effects import every_effect
 from ..decision_rules import SHARP
 from .instrument_artefacts import ANY, FLAWS
@@ -112,7 +113,6 @@ def _recorded(problem: Problem, knob: EffectParameter, beyond: float) -> EffectP
     """
     if knob.name != "frequency" or knob.unit != "Hz":
         return as_set(problem, knob)
-    low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
-    high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
+    low, high = recorded_band(problem.recordings)
     null = float(np.clip(knob.null, 1.01 * low, 0.99 * high))
     return replace(knob, lower=low * (1 - beyond), upper=high * (1 + beyond), null=null)

@@ -9,6 +9,7 @@ from ....models.effects import Device
 from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
+from ...engine.recording import recorded_band
 from ...error_model.uncertainty_sources import spread_of
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
@@ -45,8 +46,7 @@ def drawn(
     if not isinstance(effect, SmoothCorrection):
         raise TypeError(f"no smooth correction in {effect.name}")
     recordings = [recording for recording in problem.recordings if recording.step in steps]
-    low = min(float(recording.sweep.frequency[0]) for recording in recordings)
-    high = max(float(recording.sweep.frequency[-1]) for recording in recordings)
+    low, high = recorded_band(recordings)
     frequency = np.geomspace(low, high, _SHOWN)
     free = made.objective.coordinates.free
     at = [free.index(name) for name in made.effects[-1].parameters]

@@ -12,6 +12,7 @@ from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.smooth_correction import SmoothCorrection
 from ....models.stack import Stack
 from ...engine.on_cores import on_cores
+from ...engine.recording import recorded_band
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes, chosen
 from ...error_model.marginal_fit import ORDER, Minimum
@@ -177,8 +178,7 @@ def _barred(thorough: bool) -> tuple[str, ...]:
 def _screened(problem: Problem, parent: Hypothesis, place: Place, steps: tuple[str, ...]) -> _Trial | None:
     """Return the best size of a correction to first order."""
     stack = stack_of(problem.recordings[-1].model)
-    low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
-    high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
+    low, high = recorded_band(problem.recordings)
     trials: list[_Trial] = []
     for size in SIZES:
         number = number_at(problem, parent, place.where)

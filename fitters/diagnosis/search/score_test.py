@@ -15,7 +15,7 @@ from ....models.base.arrays import Complexes, Frequencies, Reals
 from ....models.base.model import Model
 from ....models.effects import Device, EffectParameter
 from ...engine.objective import Objective
-from ...engine.recording import Recording, log_ratio
+from ...engine.recording import Recording, log_ratio, recorded_band
 from ..hypotheses.problem import Candidate, Problem
 
 _SCANNED = 240
@@ -164,8 +164,7 @@ def _grid(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
     if knob.scan:
         return knob.scan
     if knob.unit == "Hz":
-        low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
-        high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
+        low, high = recorded_band(problem.recordings)
         return tuple(np.geomspace(low, high, _SCANNED).tolist())
     return (knob.null,)
 

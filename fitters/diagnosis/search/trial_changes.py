@@ -8,6 +8,7 @@ import numpy as np
 from ....models.base.arrays import Complexes, Reals
 from ....models.base.model import Model
 from ....models.effects import Device, EffectParameter
+from ...engine.recording import recorded_band
 from ...error_model.error_columns import WeakLine
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
@@ -155,8 +156,7 @@ def _scan(problem: Problem, knob: EffectParameter) -> tuple[float, ...]:
     if knob.scan:
         return knob.scan
     if knob.unit == "Hz":
-        low = min(float(recording.sweep.frequency[0]) for recording in problem.recordings)
-        high = max(float(recording.sweep.frequency[-1]) for recording in problem.recordings)
+        low, high = recorded_band(problem.recordings)
         return tuple(np.geomspace(low, high, _LINES + 2)[1:-1].tolist())
     return (knob.expected[0] if knob.from_nothing else knob.null,)
 

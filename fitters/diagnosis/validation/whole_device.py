@@ -11,6 +11,7 @@ import numpy as np
 
 from ....models.base.true_runs import true_runs
 from ....models.effects import Device
+from ...engine.recording import recorded_band
 from ..hypotheses.hypothesis import Hypothesis
 
 _BEYOND = 10.0
@@ -47,8 +48,8 @@ class WholeDevice:
 def whole_device(found: Hypothesis) -> WholeDevice:
     """Return where the device of a hypothesis, at rest in all its steps, absorbs power."""
     recordings = found.objective.recordings
-    low = min(float(one.sweep.frequency.min()) for one in recordings) / _BEYOND
-    high = max(float(one.sweep.frequency.max()) for one in recordings) * _BEYOND
+    lowest, highest = recorded_band(recordings)
+    low, high = lowest / _BEYOND, highest * _BEYOND
     f = np.geomspace(low, high, _POINTS)
     active: dict[tuple[str, float, float], None] = {}
     for one, model in zip(recordings, found.objective.models(found.fit.x), strict=True):
