@@ -53,6 +53,8 @@ FITTED_ASTRAY = 6
 missing has led its constants astray: what counts as noise then tells more than errors that may stand for anything."""
 EXACT_FIRST, EXACT_LATER = 12, 8
 """Budget of the search without errors: effects fitted alone and beside others."""
+EXACT_PARENTS = 2
+"""Budget of the search without errors: hypotheses extended of each number of effects, while more than noise is left."""
 ABSORBED = 0.1
 """Part of an effect's change that the constants leave, below which its gain says little: what decides is of second
 order, and the effect is fitted whatever its gain."""

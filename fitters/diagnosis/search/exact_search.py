@@ -10,7 +10,7 @@ from functools import partial
 from ...engine.on_cores import on_cores
 from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal_fit import Minimum
-from ..decision_rules import EXACT_FIRST, EXACT_LATER, MOST, NEAR, UNFINISHED, WORTH
+from ..decision_rules import EXACT_FIRST, EXACT_LATER, EXACT_PARENTS, MOST, NEAR, UNFINISHED, WORTH
 from ..hypotheses.hypothesis import Hypothesis, at_minimum, beside, computed, end_of, fitted
 from ..hypotheses.problem import Candidate, Problem
 from .screening import screened
@@ -36,13 +36,30 @@ def exact_hypotheses(
     # one that is continued may become less probable than the one that was the best before: each is extended once
     extended: set[frozenset[Candidate]] = set()
     while best.key not in extended:
-        before = best = _continued(problem, best)
-        extended.add(best.key)
-        found[best.key] = best
-        best = _take(found, _extended(problem, best, candidates, jobs))
-        if _hopeless(best, before.fit.shortfall - best.fit.shortfall):
+        missing = best.fit.shortfall
+        for parent in _parents(found, best, extended):
+            continued = _continued(problem, parent)
+            extended.add(parent.key)
+            found[parent.key] = continued
+            best = _take(found, _extended(problem, continued, candidates, jobs))
+        if _hopeless(best, missing - best.fit.shortfall):
             break
     return [one for one in found.values() if one.log_weight > start.log_weight - NEAR]
+
+
+def _parents(
+    found: Mapping[frozenset[Candidate], Hypothesis], best: Hypothesis, extended: set[frozenset[Candidate]]
+) -> list[Hypothesis]:
+    """Return the hypotheses to extend: the best and, while it leaves more than noise, its rivals of as many effects.
+
+    What explains most alone need not be part of what explains all: a resistance takes the place of a lead, until the
+    losses are told that are beside it.
+    """
+    if best.fit.shortfall == 0:
+        return [best]
+    rivals = (one for one in found.values() if len(one.effects) == len(best.effects))
+    first = sorted(rivals, key=lambda one: -one.log_weight)[:EXACT_PARENTS]
+    return [one for one in first if one.key not in extended]
 
 
 def _take(found: dict[frozenset[Candidate], Hypothesis], more: Sequence[Hypothesis]) -> Hypothesis:
@@ -76,10 +93,10 @@ def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candida
     promises = as_exact if parent.fit.sizes.exact else as_noise
     if not promises or _hopeless(parent, promises[0].gain):
         return []
-    first = not parent.effects
-    most = EXACT_FIRST if first else EXACT_LATER
+    most = EXACT_LATER if parent.effects else EXACT_FIRST
+    untold = parent.fit.shortfall > 0  # then what constants absorb is fitted, too: its promise says little
     chosen = [
-        one for rank, one in enumerate(promises) if (first and one.absorbed) or (rank < most and one.gain > WORTH)
+        one for rank, one in enumerate(promises) if (untold and one.absorbed) or (rank < most and one.gain > WORTH)
     ]
     starts = [(one.candidate, start) for one in chosen for start in one.starts]
     ends = on_cores([partial(_end, problem, parent, one, start) for one, start in starts], jobs)
