@@ -44,7 +44,8 @@ from .search.score_test import scores
 from .search.screening import explaining_most
 from .validation.bands import excess_of, guilty_bands
 from .validation.cross_sample import carried_over
-from .validation.held_out_misfit import held_out_chi2, unforeseen
+from .validation.held_out_misfit import unforeseen
+from .validation.improvement import LeastSquares
 from .validation.residual_summary import in_words, remainder
 from .validation.whole_device import whole_device
 
@@ -206,7 +207,7 @@ class _FiniteDiameter:
 
     def diagnosed(self, wide: lateral.FiniteDisk, gated: Gated, began: float) -> Diagnosis:
         """Return the diagnosis of the disk, with its finite diameter as the first finding."""
-        wanted, null = self.wanted, self.null
+        wanted = self.wanted
         problem, choice = _posed(Problem.of_model(wide.tried.model, wanted.hold_out), wanted)
         search = _search(problem, choice, wanted)
         if wide.tried.leaves_much and not search.seeds:
@@ -225,16 +226,16 @@ class _FiniteDiameter:
             said = said if glued is None else together(said, self._of_glued(glued, gated, began))
         except UNCOMPUTABLE as error:
             left_out = (f"What was glued to the disk is not diagnosed: {error}.",)
-        held = held_out_chi2(self.problem, null)
-        rim = lateral.finding_of(wide, null, held, said.final)
+        null = LeastSquares.of(self.problem, self.bare)
+        rim = lateral.finding_of(wide, null.fit, null.held_out, said.final)
         findings = [*(one for one in said.findings if not _of_the_disk(one)), rim]
         findings += lateral.beside(wide, [one for one in said.findings if _of_the_disk(one)])
         verdict = verdict_with(gated, _beside_the_rim(said.verdict))
-        before = curves_of(null.objective, null.descent.x, null.descent.x)
+        before = curves_of(null.fit.objective, null.fit.descent.x, null.fit.descent.x)
         return replace(
             said,
             verdict=verdict,
-            baseline=FitSummary(null.chi2_per_dof, held, constants_of(self.problem, self.bare)),
+            baseline=FitSummary(null.chi2_per_dof, null.held_out, constants_of(self.problem, self.bare)),
             findings=tuple(findings),
             says=(*_says(verdict, findings, said.remaining), *left_out, *([_NOT_CARRIED] if wanted.others else [])),
             before=before,
@@ -290,28 +291,26 @@ def _told(
     progress, jobs, fitter, learn = wanted.progress, wanted.jobs, wanted.fitter, wanted.learn
     problem = replace(search.problem, local=())
     progress("validating on held-out data")
-    null, final = as_refit(problem, found.null), as_refit(problem, found.final)
-    held_before, held_after = held_out_chi2(problem, null), held_out_chi2(problem, final)
     if learn:
         found, places = Learning(search.problem, progress, jobs).learned(found, search.ranked)
-        final = as_refit(problem, found.final)
-        held_after = held_out_chi2(problem, final)
     elif found.something_left and fitter is None:
         places = placed_corrections(search.problem, found.final, progress, jobs, thorough=False)
     else:
         places = ()
+    final = as_refit(problem, found.final)
     kept = [one for one in found.named if not where_disturbed(gated, one.candidate, final)]
     found = replace(found, named=tuple(kept))
     # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects
     coarse = found.final.coarseness if found.verdict != "no-mismatch" else 1.0
-    told = [(one, _finding(problem, one, found, final, (held_before, held_after), coarse)) for one in found.named]
+    before, after = LeastSquares.of(problem, found.null), LeastSquares.of(problem, found.final)
+    told = [(one, _finding(problem, one, found, before, after, coarse)) for one in found.named]
     left = remainder(final)
     findings = [said for one, said in told if one.kind == "finding"]
     # a polarity has no size, and is first: nothing could be fitted before it was put right
-    findings = sorted([*of_the_data(gated, null.chi2_per_dof, held_before), *findings], key=_smallness)
+    findings = sorted([*of_the_data(gated, before.chi2_per_dof, before.held_out), *findings], key=_smallness)
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
-        findings.append(_unknown(final, held_after, left, _where_it_acts(places, found, learn=learn), found))
+        findings.append(_unknown(after, left, _where_it_acts(places, found, learn=learn), found))
     constants = averaged_constants(problem, found.final, search.ranked, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
@@ -319,8 +318,8 @@ def _told(
     remaining = scores(problem, others, final.objective, final.descent.x, found.final.errors)
     return Diagnosis(
         verdict=verdict,
-        baseline=FitSummary(null.chi2_per_dof, held_before, constants_of(problem, found.null)),
-        final=FitSummary(final.chi2_per_dof, held_after, constants),
+        baseline=FitSummary(before.chi2_per_dof, before.held_out, constants_of(problem, found.null)),
+        final=FitSummary(after.chi2_per_dof, after.held_out, constants),
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, {one.effect for one in findings}),
         leftover=left,
@@ -330,7 +329,7 @@ def _told(
             *(_nearest(found) if verdict == "unexplained" and not found.undecided else ()),
             *((_CUT_SHORT,) if search.cut_short else ()),
         ),
-        before=curves_of(null.objective, null.descent.x, null.descent.x),
+        before=curves_of(before.fit.objective, before.fit.descent.x, before.fit.descent.x),
         after=_with_errors(curves_of(final.objective, final.descent.x, final.descent.x), found),
         data=gated.checks,
         held_out_Hz=tuple(map(bands_of, problem.recordings, problem.proof)),
@@ -418,24 +417,24 @@ def _nearest(found: Conclusion) -> tuple[str, ...]:
 
 
 def _finding(
-    problem: Problem, named: NamedEffect, found: Conclusion, final: Refit, held: tuple[float, float], coarse: float
+    problem: Problem, named: NamedEffect, found: Conclusion, before: LeastSquares, after: LeastSquares, coarse: float
 ) -> Finding:
-    candidate, without = named.candidate, as_refit(problem, named.without)
-    fall = excess_of(without.in_noise, final.in_noise)
+    candidate = named.candidate
+    without = LeastSquares.of(problem, named.without) if named.without.effects else before
+    fall = excess_of(without.fit.in_noise, after.fit.in_noise)
     bands = [
         band
         for recording, excess in zip(problem.recordings, fall, strict=True)
         if recording.step in candidate.steps
         for band in guilty_bands(recording.sweep.frequency, 1 + excess)
     ]
-    before = held_out_chi2(problem, without) if len(final.effects) > 1 else held[0]
     sizes = parameters_of(candidate, found.final, coarse)
     says = candidate.effect.sentence(
         candidate.where, {name: (size.value, size.u, size.unit) for name, size in sizes.items()}
     )
     twins = [other.where for other in named.same_as if other.effect == candidate.effect.name]
     says += "".join(f" At {place} it would look the same." for place in twins)
-    if candidate in unforeseen(problem, final):
+    if candidate in unforeseen(problem, after.fit):
         says += " It shows in the held-out data only, which therefore validate the rest of the fit but not this effect."
     return Finding(
         effect=candidate.effect.name,
@@ -445,12 +444,12 @@ def _finding(
         bands_Hz=tuple(bands[:5]),
         parameters=sizes,
         chi2_per_dof_before=without.chi2_per_dof,
-        chi2_per_dof_after=final.chi2_per_dof,
-        held_out_before=before,
-        held_out_after=held[1],
+        chi2_per_dof_after=after.chi2_per_dof,
+        held_out_before=without.held_out,
+        held_out_after=after.held_out,
         alternatives=named.alternatives,
         says=says,
-        share=named.share,
+        share=after.share_beside(without),
         same_as=named.same_as,
         moves=named.moves,
     )
@@ -469,7 +468,7 @@ def _where_it_acts(places: Sequence[PlacedCorrection], found: Conclusion, *, lea
     return f" Most probably (P = {best.probability:.2f}) it acts on {best.place.says}{hint}."
 
 
-def _unknown(final: Refit, held: float, left: Leftover, where: str, found: Conclusion) -> Finding:
+def _unknown(after: LeastSquares, left: Leftover, where: str, found: Conclusion) -> Finding:
     unproved = found.forecast.says if found.forecast is not None and found.refuted else None
     says = unproved or "No effect of the catalogue explains the misfit; find its cause before you use the constants."
     if found.undecided:
@@ -483,10 +482,10 @@ def _unknown(final: Refit, held: float, left: Leftover, where: str, found: Concl
         probability=found.something_else,
         bands_Hz=left.bands_Hz,
         parameters={},
-        chi2_per_dof_before=final.chi2_per_dof,
-        chi2_per_dof_after=final.chi2_per_dof,
-        held_out_before=held,
-        held_out_after=held,
+        chi2_per_dof_before=after.chi2_per_dof,
+        chi2_per_dof_after=after.chi2_per_dof,
+        held_out_before=after.held_out,
+        held_out_after=after.held_out,
         alternatives=found.undecided,
         says=f"{says} {in_words(left)}".rstrip() + where,
     )

@@ -56,7 +56,7 @@ class Finding:
     same_as: tuple[Alternative, ...] = ()
     """Look-alikes that the recordings cannot distinguish from it."""
     moves: float = float("nan")
-    """Rms of ln Z that would be unexplained without it, when all else has imitated it as well as it can."""
+    """Rms of ln Z that constants and the other effects leave of it, when they imitate it as well as they can."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,6 @@ class NamedEffect:
     candidate: Candidate
     probability: float
     moves: float
-    share: float
     kind: Kind
     without: Hypothesis
     same_as: tuple[Alternative, ...]
@@ -44,7 +43,7 @@ class Conclusion:
     null: Hypothesis
     final: Hypothesis
     named: tuple[NamedEffect, ...]
-    """That first without which most would be unexplained."""
+    """That first which moves ln Z most."""
     remaining: Remaining
     something_else: float
     """Probability of anything beside the named effects: of another effect, or of what no effect explains."""
@@ -95,14 +94,12 @@ def conclude(search: GreedySearch) -> Conclusion:
         if not artefact:
             matters = matters or moves_a_constant(constants_of(search.problem, without), after)
         matters = matters and not (error > 0 and _is_the_fixture(search, one, final))
-        share = max(0.0, 1 - _rms(final) ** 2 / max(_rms(without) ** 2, 1e-300))
         same, others = _alternatives(certainties, final, one, sure[one].alike)
         named.append(
             NamedEffect(
                 one,
                 sure[one].of_effect,
-                moved(final, without),
-                share,
+                moved(search.problem, final, one, without),
                 "finding" if matters else "remark",
                 without,
                 same,
@@ -121,7 +118,7 @@ def conclude(search: GreedySearch) -> Conclusion:
 
 
 def in_order(named: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:
-    """Return the effects, that first without which most would be unexplained."""
+    """Return the effects, that first which moves ln Z most."""
     return tuple(sorted(named, key=lambda one: -one.moves))
 
 

@@ -1,16 +1,18 @@
 """Size of an effect: the change of the recordings beyond what constants could do, and the change of the constants."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ....models.base.arrays import Reals
+from ....models.base.arrays import Complexes, Reals
 from ...error_model.instrument_share import accuracy_of
+from ...error_model.marginal_fit import plain
 from ...error_model.uncertainty_sources import spread_of
 from ...interface import Constant
 from ..findings import Size
 from ..hypotheses.changes import change_by
-from ..hypotheses.hypothesis import Hypothesis
+from ..hypotheses.hypothesis import Hypothesis, marginal_of
 from ..hypotheses.problem import Candidate, Problem
 from ..hypotheses.size_priors import shown
 
@@ -24,12 +26,27 @@ def powers_of(problem: Problem, one: Hypothesis) -> dict[Candidate, Reals]:
     return dict(zip(one.effects, powers.T, strict=True))
 
 
-def moved(final: Hypothesis, without: Hypothesis) -> float:
-    """Return the rms of ln Z that would be unexplained `without` an effect and is not in the `final` hypothesis.
+def moved(problem: Problem, one: Hypothesis, effect: Candidate, without: Hypothesis) -> float:
+    """Return the smallest rms of ln Z that constants and other effects leave of an effect: what it moves.
 
-    All else has then imitated the effect as well as it can: constants, other effects, and usual errors.
+    They are fitted by least squares to the recordings as the hypothesis describes them, from where they are and from
+    where a fit `without` the effect has ended. Errors of instrument and model take no part: that they could do the same
+    makes an effect less certain, not smaller.
     """
-    return float(np.sqrt(max(0.0, without.unexplained**2 - final.unexplained**2)))
+    described = one.objective.curves(one.fit.x)
+    pairs = zip(problem.recordings, described, strict=True)
+    recordings = tuple(replace(own, sweep=replace(own.sweep, impedance=Z)) for own, Z in pairs)
+    shown, rest = replace(problem, recordings=recordings), [other for other in one.effects if other is not effect]
+    left: list[float] = []
+    for start in (one.values, without.values):
+        marginal = marginal_of(shown, rest, start)
+        x = plain(marginal, [marginal.objective.coordinates.x])
+        left.append(_rms(marginal.objective.log_ratios(x)))
+    return min(left)
+
+
+def _rms(parts: Sequence[Complexes]) -> float:
+    return float(np.sqrt(np.mean(np.abs(np.concatenate(parts)) ** 2)))
 
 
 def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:

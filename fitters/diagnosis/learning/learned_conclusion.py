@@ -25,8 +25,7 @@ def concluded(problem: Problem, conclusion: Conclusion, choice: Choice, final: H
         NamedEffect(
             one_law.candidate,
             choice.probability,
-            moved(final, choice.best.parent),
-            _share(choice.best.parent, final),
+            moved(problem, final, one_law.candidate, choice.best.parent),
             "finding",
             choice.best.parent,
             (),
@@ -35,12 +34,11 @@ def concluded(problem: Problem, conclusion: Conclusion, choice: Choice, final: H
     ]
     for effect in choice.best.parent.effects:
         without = choice.without(effect) or _less(problem, final, effect)
-        share, known = _share(without, final), before.get(effect)
+        moves, known = moved(problem, final, effect, without), before.get(effect)
         if known is not None:
-            named.append(replace(known, moves=moved(final, without), share=share, without=without))
+            named.append(replace(known, moves=moves, without=without))
         else:
-            sure = choice.inclusion(effect)
-            named.append(NamedEffect(effect, sure, moved(final, without), share, "finding", without, (), ()))
+            named.append(NamedEffect(effect, choice.inclusion(effect), moves, "finding", without, (), ()))
     return _with(conclusion, final, named)
 
 
@@ -56,8 +54,8 @@ def concluded_without_law(problem: Problem, conclusion: Conclusion, choice: Choi
     named: list[NamedEffect] = []
     for effect in found.effects:
         less = _less(problem, found, effect)
-        sure, share = choice.inclusion(effect), _share(less, found)
-        named.append(NamedEffect(effect, sure, moved(found, less), share, "finding", less, (), said))
+        moves = moved(problem, found, effect, less)
+        named.append(NamedEffect(effect, choice.inclusion(effect), moves, "finding", less, (), said))
     return _with(conclusion, found, named)
 
 
@@ -106,12 +104,6 @@ def _less(problem: Problem, final: Hypothesis, effect: Candidate) -> Hypothesis:
     """Return the explanation fitted without one of its effects."""
     rest = tuple(one for one in final.effects if one is not effect)
     return fitted(problem, rest, final.values, (final.fit.sizes,), near=True, barred=("tau", "shape"))
-
-
-def _share(without: Hypothesis, final: Hypothesis) -> float:
-    """Return the part of the squared misfit that an effect explains."""
-    before, after = without.unexplained, final.unexplained
-    return max(0.0, 1 - (after / before) ** 2) if before > 0 else 0.0
 
 
 def with_its_place(places: Sequence[PlacedCorrection], choice: Choice) -> tuple[PlacedCorrection, ...]:

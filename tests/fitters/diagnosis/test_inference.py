@@ -36,9 +36,12 @@ from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
 from pzctl.fitters.diagnosis.learning.learned_conclusion import as_sure_as_the_list
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
 from pzctl.fitters.diagnosis.search.score_test import scores
+from pzctl.fitters.diagnosis.validation.improvement import LeastSquares
 from pzctl.fitters.error_model.prior_scales import INSTRUMENT
 from pzctl.fitters.interface import Constant
 from pzctl.models.effects import find_effect
+
+from .conftest import NOISE
 
 
 def test_the_true_effect_is_found_with_its_size(lead_case) -> None:
@@ -46,18 +49,17 @@ def test_the_true_effect_is_found_with_its_size(lead_case) -> None:
     (named,) = found.findings
     assert named.candidate is lead_case.lead
     assert named.probability > 0.9
-    assert named.share > 0.99
     assert found.verdict == "explained"
     assert not found.something_left
 
 
-def test_an_effect_moves_what_all_else_leaves_unexplained_without_it(lead_case) -> None:
+def test_an_effect_moves_what_constants_leave_of_it(lead_case) -> None:
     search = lead_case.search
     null, alone = search.null, search.found[frozenset({lead_case.lead})]
-    plain = float(np.sqrt(np.mean(np.abs(np.concatenate(null.fit.left_by_the_model)) ** 2)))
-    # usual errors of instrument, fixture and constants imitate part of a lead, but not most of it
-    assert 0.2 * plain < moved(alone, null) < plain
-    assert moved(null, alone) == 0
+    # a fit by least squares leaves that and the noise, whatever errors of instrument and model could imitate
+    (left,) = LeastSquares.of(lead_case.problem, null).fit.in_noise
+    expected = np.sqrt(np.mean(np.abs(left) ** 2) / 2 - 1) * np.sqrt(2) * NOISE
+    assert moved(lead_case.problem, alone, lead_case.lead, null) == pytest.approx(expected, rel=0.1)
 
 
 def test_an_unexplained_misfit_is_reported_as_unexplained(lead_case) -> None:

@@ -7,12 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
 from pzctl.fitters.diagnosis.search.refit import as_refit
 from pzctl.fitters.diagnosis.validation.bands import excess_of, guilty_bands
 from pzctl.fitters.diagnosis.validation.cross_sample import carried_over
 from pzctl.fitters.diagnosis.validation.held_out_misfit import held_out_chi2, unforeseen
+from pzctl.fitters.diagnosis.validation.improvement import LeastSquares
 from pzctl.fitters.diagnosis.validation.residual_summary import in_words, remainder
 from pzctl.fitters.diagnosis.validation.whiteness_tests import period, uneven
+from pzctl.fitters.engine.recording import Recording
 from pzctl.models.base.arrays import Complexes
 
 N = 801
@@ -96,6 +99,25 @@ def test_another_sample_confirms_a_lead_it_shares_and_contradicts_one_it_lacks(l
     none = carried_over(problem, lead_case.null, "any", nothing, lambda _: None)
     assert none.effects == ()
     assert "None of the effects found" in none.says
+
+
+def test_the_fit_that_is_shown_has_nothing_left_to_gain(lead_case) -> None:
+    def erring(recording: Recording) -> Recording:
+        sweep = recording.sweep
+        gain = 1e-3 * np.sin(sweep.frequency / 1.3e6)
+        return replace(recording, sweep=replace(sweep, impedance=sweep.impedance * np.exp(gain)))
+
+    problem = replace(lead_case.problem, recordings=tuple(map(erring, lead_case.problem.recordings)))
+    null, alone = (
+        fitted(problem, effects, lead_case.search.best.values, rounds=2, near=True)
+        for effects in ((), (lead_case.lead,))
+    )
+    without, with_it = LeastSquares.of(problem, null), LeastSquares.of(problem, alone)
+    # errors of the instrument have left their part of the misfit to themselves in both fits
+    assert with_it.chi2_per_dof < as_refit(problem, alone).chi2_per_dof
+    assert without.chi2_per_dof < as_refit(problem, null).chi2_per_dof
+    assert with_it.share_beside(without) == pytest.approx(1 - with_it.chi2_per_dof / without.chi2_per_dof)
+    assert without.share_beside(with_it) == 0
 
 
 def test_noise_leaves_no_residual_finding_and_a_line_is_located(lead_case) -> None:
