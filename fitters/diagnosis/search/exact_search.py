@@ -37,11 +37,11 @@ def exact_hypotheses(
     extended: set[frozenset[Candidate]] = set()
     while best.key not in extended:
         missing = best.fit.shortfall
-        for parent in _parents(found, best, extended):
+        for rank, parent in enumerate(_parents(found, best, extended)):
             continued = _continued(problem, parent)
             extended.add(parent.key)
             found[parent.key] = continued
-            best = _take(found, _extended(problem, continued, candidates, jobs))
+            best = _take(found, _extended(problem, continued, candidates, jobs, hoping=rank == 0))
         if _hopeless(best, missing - best.fit.shortfall):
             break
     return [one for one in found.values() if one.log_weight > start.log_weight - NEAR]
@@ -85,20 +85,24 @@ def _hopeless(one: Hypothesis, gain: float) -> bool:
     return one.fit.shortfall > (MOST - len(one.effects)) * gain
 
 
-def _extended(problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate], jobs: int) -> list[Hypothesis]:
-    """Return the fits of the most promising candidates beside a hypothesis."""
+def _extended(
+    problem: Problem, parent: Hypothesis, candidates: Sequence[Candidate], jobs: int, *, hoping: bool = True
+) -> list[Hypothesis]:
+    """Return the fits of the most promising candidates beside a hypothesis.
+
+    `hoping`: where none promises enough, those that constants absorb are fitted, as their promise says little.
+    """
     if len(parent.effects) == MOST:
         return []
     as_noise, *_, as_exact = screened(problem, parent, beside(parent.effects, candidates), jobs)
     promises = as_exact if parent.fit.sizes.exact else as_noise
-    if not promises or _hopeless(parent, promises[0].gain):
-        return []
     most = EXACT_LATER if parent.effects else EXACT_FIRST
-    untold = parent.fit.shortfall > 0  # then what constants absorb is fitted, too: its promise says little
-    chosen = [
-        one for rank, one in enumerate(promises) if (untold and one.absorbed) or (rank < most and one.gain > WORTH)
-    ]
-    starts = [(one.candidate, start) for one in chosen for start in one.starts]
+    hopeless = not promises or _hopeless(parent, promises[0].gain)
+    if hopeless and not (parent.effects and hoping):
+        return []
+    chosen = [one for one in promises if one.absorbed and parent.fit.shortfall > 0]
+    chosen += [one for one in promises[:most] if one.gain > WORTH and one not in chosen and not hopeless]
+    starts = [(one.candidate, start) for one in chosen for start in (one.starts[:1] if hopeless else one.starts)]
     ends = on_cores([partial(_end, problem, parent, one, start) for one, start in starts], jobs)
     return [
         at_minimum(problem, (*parent.effects, one), {**parent.values, **start}, *end)

@@ -12,7 +12,8 @@ from pzctl.fitters.diagnosis.search.screening import screened
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.interface import FitTask
-from pzctl.models.effects import EffectParameter, find_effect
+from pzctl.models.base.arrays import Frequencies
+from pzctl.models.effects import Device, EffectParameter, find_effect
 from pzctl.models.sweep import Sweep
 
 from .conftest import BUILD, F
@@ -22,12 +23,15 @@ TINY = 6e-10
 """A lead of 0.6 nH: no more than the residual of a compensated fixture."""
 
 
+def posed(device: Device, f: Frequencies, noise: float) -> Problem:
+    random = np.random.default_rng(5)
+    Z = device.impedance(f) * np.exp(noise * (random.normal(size=f.size) + 1j * random.normal(size=f.size)))
+    return Problem.of(solve(FitTask(BUILD, {"disk": (Sweep(f, Z),)}), lambda _: None), None)
+
+
 @pytest.fixture(scope="module")
 def problem(bare) -> Problem:
-    device = bare.with_effect(find_effect("lead-inductance"), "terminals", {"inductance": TINY})
-    random = np.random.default_rng(5)
-    Z = device.impedance(F) * np.exp(2e-5 * (random.normal(size=F.size) + 1j * random.normal(size=F.size)))
-    return Problem.of(solve(FitTask(BUILD, {"disk": (Sweep(F, Z),)}), lambda _: None), None)
+    return posed(bare.with_effect(find_effect("lead-inductance"), "terminals", {"inductance": TINY}), F, 2e-5)
 
 
 def test_errors_hide_a_tiny_lead_and_a_search_without_errors_finds_it(problem) -> None:
@@ -40,6 +44,18 @@ def test_errors_hide_a_tiny_lead_and_a_search_without_errors_finds_it(problem) -
     assert effect.effect.name == "lead-inductance"
     assert best.fit.sizes.exact
     assert best.values["lead-inductance@terminals.inductance"] == pytest.approx(TINY, rel=0.1)
+    assert best.log_weight > null.log_weight
+
+
+def test_what_constants_absorb_is_found_beside_another_effect_though_it_promises_little(bare) -> None:
+    lead = bare.with_effect(find_effect("lead-inductance"), "terminals", {"inductance": 1.2e-9})
+    both = lead.with_effect(find_effect("loss-dispersion"), "layer:disk", {"exponent": 0.6})
+    problem = posed(both, np.linspace(0.3e6, 5.2e6, 301), 1e-4)
+    null = fitted(problem, (), problem.values, near=True, rounds=5)
+    choice = candidates(problem, ("lead-inductance", "series-resistance", "loss-dispersion", "spurious-resonance"))
+    found = exact_hypotheses(problem, choice, null)
+    best = max(found, key=lambda one: one.log_weight)
+    assert {effect.effect.name for effect in best.effects} == {"lead-inductance", "loss-dispersion"}
     assert best.log_weight > null.log_weight
 
 
