@@ -117,6 +117,17 @@ def folder_samples(folder: Path, free: tuple[str, ...] | None = None) -> list[Sa
     return [folder_sample(path, free) for path in folders]
 
 
+def by_number(files: Sequence[Path]) -> list[Path]:
+    """Return recordings of one step by the number that ends their names; as they are given if more than it differs.
+
+    A shell lists disk-2 before disk, and a drift goes on from one to the next.
+    """
+    parts = {path: re.split(r"[-_ ](\d+)$", path.stem) for path in files}
+    if len({name for name, *_ in parts.values()}) > 1:
+        return list(files)
+    return sorted(files, key=lambda path: [int(number) for number in parts[path][1:2]])
+
+
 def _in_order(files: Iterable[Path]) -> list[Path]:
     """Return files in the order of their numbers: disk, disk-2, disk-10. A drift goes on from one to the next."""
 

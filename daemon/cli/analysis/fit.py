@@ -51,8 +51,11 @@ def read_steps(
     `accuracy_percent`: of the analyzer, in per cent of |Z|; None for what the file says or a 4294A's. `columns`: names
     of the columns of tables without header row.
     """
+    from ...samples.sample_selection import by_number
+
     sweeps = {
-        step: tuple(read_trace(path, columns) for path in paths) for step, paths in parse_recordings(given).items()
+        step: tuple(read_trace(path, columns) for path in by_number(paths))
+        for step, paths in parse_recordings(given).items()
     }
     for of_step in sweeps.values():
         for sweep in of_step:
@@ -128,6 +131,8 @@ def fit(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Fit complex constants to recordings. Several files of one step are repeats or further segments.
+
+    They are taken in the order of their numbers (disk, disk-2, disk-10), or as given if their names differ in more.
 
     Exit status with limits: 0 passed, 3 a limit is not kept, 4 the uncertainty is too large to decide.
 

@@ -21,7 +21,7 @@ from pzctl.daemon.journal.journal_reader import JournalReader
 from pzctl.daemon.journal.journal_writer import JournalWriter
 from pzctl.daemon.report.tables.joint_output import _analyzer
 from pzctl.daemon.report.tables.population_table import _sheet, population_table
-from pzctl.daemon.samples.sample_selection import folder_samples, journal_samples, sheets_of, step_of
+from pzctl.daemon.samples.sample_selection import by_number, folder_samples, journal_samples, sheets_of, step_of
 from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, StateEvent, SweepEvent, decode, sweep_columns
 from pzctl.drivers.recordings import write_csv
 from pzctl.fitters.interface import Constant, FitResult, Noise
@@ -246,6 +246,19 @@ def test_the_sweeps_of_a_step_are_in_the_order_of_their_numbers(tmp_path: Path) 
     (sample,) = folder_samples(tmp_path)
     assert sample.job is not None
     assert [sweep.id for sweep in sample.job.task.sweeps["disk"]] == names
+
+
+@pytest.mark.parametrize(
+    ("given", "taken"),
+    [
+        (["disk-10.csv", "disk-2.csv", "disk.csv"], ["disk.csv", "disk-2.csv", "disk-10.csv"]),
+        (["ml1_2.csv", "ml1.csv"], ["ml1.csv", "ml1_2.csv"]),
+        (["up.csv", "down.csv"], ["up.csv", "down.csv"]),
+        (["b-1.csv", "a-2.csv"], ["b-1.csv", "a-2.csv"]),
+    ],
+)
+def test_files_that_differ_in_a_number_only_are_taken_in_its_order(given: list[str], taken: list[str]) -> None:
+    assert by_number([Path(name) for name in given]) == [Path(name) for name in taken]
 
 
 def test_a_folder_without_recordings_is_reported(tmp_path: Path) -> None:
