@@ -7,6 +7,7 @@ from typing import cast
 import numpy as np
 
 from ...models.base.arrays import Complexes, Reals
+from ...models.base.copies import changed
 from ...models.base.errors import PzctlError
 from ...models.base.model import Model
 from .parameters.coordinates import Coordinates
@@ -107,26 +108,48 @@ class Objective:
         """Return the objective of the same coordinates, with all that is known beforehand, for other recordings."""
         return Objective(recordings, self.coordinates, self.all_priors, slopes_later=slopes_later)
 
+    def with_models(self, models: Sequence[Model], coordinates: Coordinates) -> "Objective":
+        """Return the objective of the same recordings with other models, which have the same parameters.
+
+        `models`: of each recording; `coordinates`: the same ones, of which the held ones may have other values.
+        """
+        recordings = tuple(changed(one, model=own) for one, own in zip(self.recordings, models, strict=True))
+        following = iter(recordings)
+        alike = [tuple(next(following) for _ in shared.recordings) for shared in self._shared]
+        shared = [
+            changed(old, model=new[0].model, recordings=new) for old, new in zip(self._shared, alike, strict=True)
+        ]
+        return changed(self, recordings=recordings, coordinates=coordinates, _shared=shared, _cache=None, evaluations=0)
+
     @property
     def points(self) -> int:
         """Number of complex points."""
         return sum(recording.sweep.frequency.size for recording in self.recordings)
 
     def models(self, x: Reals) -> tuple[Model, ...]:
-        """Return the model of each recording at these coordinates."""
-        values, _ = self.coordinates.forward(x)
-        pairs = ((self._with(shared, values), shared) for shared in self._shared)
+        """Return the model of each recording at these coordinates; those of the last evaluation with their caches."""
+        models = self._known_models(x) or self._models_for(self.coordinates.forward(x)[0])
+        pairs = zip(models, self._shared, strict=True)
         return tuple(model for model, shared in pairs for _ in shared.recordings)
+
+    def _known_models(self, x: Reals) -> tuple[Model, ...]:
+        """Return the models of the last evaluation, if that was at x."""
+        return self._cache.models if self._cache is not None and np.array_equal(x, self._cache.x) else ()
+
+    def _models_for(self, values: Mapping[str, float]) -> tuple[Model, ...]:
+        return tuple(self._with(shared, values) for shared in self._shared)
 
     def _with(self, shared: _Shared, values: Mapping[str, float]) -> Model:
         names = self.coordinates.parameters
         return shared.model.replace({parameter: values[names[i]] for i, parameter in shared.owned.items()})
 
-    def _evaluated(self, x: Reals) -> "_Evaluation":
-        if self._cache is None or not np.array_equal(x, self._cache.x):
-            self.evaluations += 1
-            self._cache = self._guarded(x, self._residual if self._slopes_later else self._evaluate)
-        return self._cache
+    def _evaluated(self, x: Reals, *, slopes: bool) -> "_Evaluation":
+        known = self._cache if self._cache is not None and np.array_equal(x, self._cache.x) else None
+        if known is None or (slopes and known.slopes is None):
+            self.evaluations += known is None
+            evaluate = self._evaluate if slopes or not self._slopes_later else self._residual
+            known = self._cache = self._guarded(x, evaluate)
+        return known
 
     def _guarded(self, x: Reals, evaluate: "Callable[[Reals], _Evaluation]") -> "_Evaluation":
         try:
@@ -142,7 +165,7 @@ class Objective:
     def _residual(self, x: Reals) -> "_Evaluation":
         """Evaluate the models without derivatives."""
         values, _ = self.coordinates.forward(x)
-        models = tuple(self._with(shared, values) for shared in self._shared)
+        models = self._models_for(values)
         wholes = [model.impedance(shared.frequency) for shared, model in zip(self._shared, models, strict=True)]
         curves = self._parted(wholes)
         r, _ = self._weighed(x, values, curves)
@@ -151,8 +174,7 @@ class Objective:
     def _evaluate(self, x: Reals) -> "_Evaluation":
         """Evaluate the models and their derivatives."""
         values, chain = self.coordinates.forward(x)
-        known = self._cache.models if self._cache is not None and np.array_equal(x, self._cache.x) else ()
-        models = known or [self._with(shared, values) for shared in self._shared]
+        models = self._known_models(x) or self._models_for(values)
         moves: list[bool] = np.any(chain, axis=1).tolist()
         moved = [[i for i in shared.owned if moves[i]] for shared in self._shared]
         answers = [
@@ -177,7 +199,7 @@ class Objective:
         if self._told:
             _, slope = self.straight(x)
             J[:, near + len(self._losses) :] = np.concatenate([root * slope for root, _ in self._told]).T
-        return _Evaluation(x.copy(), r, J, curves)
+        return _Evaluation(x.copy(), r, J, curves, models)
 
     def _prior_slopes(self, values: Mapping[str, float]) -> Reals:
         """Return the derivatives of what the priors are about by the parameters, shape (priors, P)."""
@@ -244,14 +266,11 @@ class Objective:
 
     def residual(self, x: Reals) -> Reals:
         """Return the weighted residuals: Re and Im of each recording in turn, then priors and losses."""
-        return self._evaluated(x).residual
+        return self._evaluated(x, slopes=False).residual
 
     def jacobian(self, x: Reals) -> Reals:
         """Return d residual / d free coordinate, shape (R, M)."""
-        evaluation = self._evaluated(x)
-        if evaluation.slopes is None:
-            evaluation = self._cache = self._guarded(x, self._evaluate)
-        return cast(Reals, evaluation.slopes).T
+        return cast(Reals, self._evaluated(x, slopes=True).slopes).T
 
     @property
     def spread(self) -> Reals:
@@ -282,7 +301,7 @@ class _Evaluation:
     curves: tuple[Complexes, ...]
     """Model impedance of each recording, ohm; empty if the model does not exist."""
     models: tuple[Model, ...] = ()
-    """The models with their caches, kept until the derivatives are needed."""
+    """The models with their caches, for derivatives that are asked for later."""
 
 
 def _alike(recordings: Sequence[Recording]) -> list[tuple[Recording, ...]]:

@@ -105,12 +105,12 @@ class Marginal:
             if id(model) not in known:
                 device = model if isinstance(model, Device) else Device(model)
                 known[id(model)] = _with_corrections(device, one.step, self.corrections)
-        recordings = [replace(one, model=known[id(one.model)]) for one in self.objective.recordings]
-        old, held = self.objective.coordinates, self.corrections.held
-        start = {name: value * float(np.exp(held.get(name, 0.0))) for name, value in old.start.items()}
-        return Objective(
-            recordings, Coordinates(old.blocks, start, old.free), self.objective.all_priors, slopes_later=True
-        )
+        models = [known[id(one.model)] for one in self.objective.recordings]
+        coordinates, held = self.objective.coordinates, self.corrections.held
+        if held:
+            start = {name: value * float(np.exp(held.get(name, 0.0))) for name, value in coordinates.start.items()}
+            coordinates = Coordinates(coordinates.blocks, start, coordinates.free)
+        return self.objective.with_models(models, coordinates)
 
     def columns(self, x: Reals) -> ErrorColumns:
         """Return the columns of errors at a point."""
@@ -225,8 +225,8 @@ class Marginal:
         loads = [k for k, name in enumerate(self.objective.coordinates.free) if name in LOADS]
         more = np.concatenate([more, x[loads] - 1])
         slopes = np.concatenate([slopes, np.eye(x.size)[loads]])
+        J = np.concatenate([self._corrected.jacobian(x)[data:], slopes])  # before the residuals, which it computes too
         r = np.concatenate([self._corrected.residual(x)[data:], more])
-        J = np.concatenate([self._corrected.jacobian(x)[data:], slopes])
         P = J.T @ J
         unknown = np.flatnonzero(np.diag(P) < _UNINFORMED)
         P[unknown, unknown] += _UNINFORMED

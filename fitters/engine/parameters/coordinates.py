@@ -8,6 +8,7 @@ passivity allows (Holland, IEEE Trans. Sonics Ultrason. 14 (1967) 18: the imagin
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -207,16 +208,33 @@ class Coordinates:
         """Return the model parameters and d parameter / d free coordinate, shape (P, M)."""
         full = self.all.copy()
         full[self.moving] = x
-        values: list[float] = []
-        J = np.zeros((len(self.parameters), full.size))
+        values = self._at_start.copy()
+        J = np.zeros((values.size, full.size))
+        for block, rows, columns in self._moving_blocks:
+            values[rows], J[rows, columns] = block.forward(full[columns])
+        return dict(zip(self.parameters, values.tolist(), strict=True)), J[:, self.moving]
+
+    @cached_property
+    def _placed(self) -> list[tuple[Block, slice, slice]]:
+        """The blocks, with the rows of their parameters and the columns of their coordinates."""
+        placed: list[tuple[Block, slice, slice]] = []
         row = column = 0
         for block in self.blocks:
-            wide = len(block.coordinates)
-            part, partial = block.forward(full[column : column + wide])
-            J[row : row + part.size, column : column + wide] = partial
-            values.extend(part.tolist())
-            row, column = row + part.size, column + wide
-        return dict(zip(self.parameters, values, strict=True)), J[:, self.moving]
+            rows, columns = slice(row, row + len(block.parameters)), slice(column, column + len(block.coordinates))
+            placed.append((block, rows, columns))
+            row, column = rows.stop, columns.stop
+        return placed
+
+    @cached_property
+    def _at_start(self) -> Reals:
+        """The model parameters at the start, shape (P,)."""
+        return np.concatenate([block.forward(self.all[columns])[0] for block, _, columns in self._placed])
+
+    @cached_property
+    def _moving_blocks(self) -> list[tuple[Block, slice, slice]]:
+        """Those of the blocks that have free coordinates: the others keep their start."""
+        moving = set(self.moving.tolist())
+        return [one for one in self._placed if not moving.isdisjoint(range(one[2].start, one[2].stop))]
 
     def inverse(self, values: Mapping[str, float]) -> Reals:
         """Return the free coordinates, shape (M,), of model parameters."""
