@@ -82,7 +82,8 @@ class JointPoint:
         """Return the point after a step; `dz` in standard deviations of the columns that are present."""
         a = self.a.copy()
         a[self.held.on] += self.held.d * dz
-        return replace(self, x=self.x + dx, fresh=not dz.size).with_errors(a)
+        marginal = self.marginal.around(self.contained.corrections(a))
+        return replace(self, x=self.x + dx, fresh=not dz.size, marginal=marginal, a=a)
 
     def refreshed(self) -> Self:
         """Return the same point with its own derivatives by what the model contains.

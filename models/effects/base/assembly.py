@@ -7,12 +7,13 @@ analyzer sees; an effect of the sweep maps that to what is recorded over time.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
+from ...base.copies import changed
 from ...base.face_loads import HasFaces, Load
 from ...base.model import Model
 from ...stack import LossLaw, Stack, Strips
@@ -82,13 +83,13 @@ class ParallelSection:
         """Return a part of this part; `slopes`: derivatives of `part` by parameters of the effect that divides it."""
         before = {name: (slope * part, moved) for name, (slope, moved) in self.by_effects.items()}
         own = {name: (self.fraction * slope, dict[str, float]()) for name, slope in slopes.items()}
-        return replace(self, fraction=self.fraction * part, by_effects={**before, **own})
+        return changed(self, fraction=self.fraction * part, by_effects={**before, **own})
 
     def moving(self, slopes: Mapping[str, Mapping[str, float]]) -> Self:
         """Return the part with derivatives of parameters of its stack by parameters of an effect."""
         of_fraction = {name: self.by_effects.get(name, _FIXED)[0] for name in slopes}
         own = {name: (of_fraction[name], moved) for name, moved in slopes.items()}
-        return replace(self, by_effects={**self.by_effects, **own})
+        return changed(self, by_effects={**self.by_effects, **own})
 
     def moved_by(self, names: Sequence[str]) -> list[tuple[int, str, float]]:
         """Return (position in `names`, parameter of this part, its derivative) for all that `names` change."""
@@ -122,7 +123,7 @@ class ParallelSection:
             }
             part = part.moving({**slopes, **{key: {name: t * float(slope)} for key, (slope, _) in of_shape.items()}})
             scale = {**self.scale, name: own * float(factor)}
-            made.append(replace(part, stack=self.stack.replace({name: t * factor}), scale=scale, strips=None))
+            made.append(changed(part, stack=self.stack.replace({name: t * factor}), scale=scale, strips=None))
         return made
 
     def admittance(self, frequency: Frequencies) -> Complexes:
@@ -204,6 +205,13 @@ class Assembly:
         default_factory=list[tuple[object, Frequencies, Complexes]], compare=False
     )
     """One-entry cache of the admittance of all shunts, keyed by (shunts, frequency); reused for a drifting device."""
+    _known_steady: list[tuple[tuple[object, ...], Impedances]] = field(
+        default_factory=list[tuple[tuple[object, ...], Impedances]], compare=False
+    )
+    """Cache of two steady impedances, keyed by (parts, whole, shunts, terminals, frequency), the last one used first.
+
+    Changes are relative to the same device, and what records a device asks for its steady impedance again.
+    """
 
     @property
     def stack(self) -> Stack:
@@ -212,11 +220,11 @@ class Assembly:
 
     def each_stack(self, change: Callable[[Stack], Stack]) -> Self:
         """Return the assembly with every stack changed."""
-        return replace(self, parts=tuple(replace(part, stack=change(part.stack)) for part in self.parts))
+        return changed(self, parts=tuple(changed(part, stack=change(part.stack)) for part in self.parts))
 
     def with_parts(self, parts: tuple[ParallelSection, ...]) -> Self:
         """Return the assembly with other parts, and a memory of its own."""
-        return replace(self, parts=parts, _known=[])
+        return changed(self, parts=parts, _known=[], _known_steady=[])
 
     @property
     def shaped_by(self) -> frozenset[str]:
@@ -225,40 +233,42 @@ class Assembly:
 
     def each_law(self, layer: str, kind: LawKind, change: Callable[[LossLaw], LossLaw]) -> Self:
         """Return the assembly with one law of a layer changed, if the device is no stack (else see `each_stack`)."""
-        if not isinstance(self.whole, HasLaws):
+        if self.whole is None or not isinstance(self.whole, HasLaws):
             return self
-        return replace(self, whole=self.whole.with_law(layer, kind, change))
+        return changed(self, whole=self.whole.with_law(layer, kind, change))
 
     def on_face(self, where: str, load: Load) -> Self:
         """Return the assembly with a load on a face, if the device is no stack but has faces (else see `split`)."""
-        return replace(self, whole=self.whole.with_load(where, load)) if isinstance(self.whole, HasFaces) else self
+        if self.whole is None or not isinstance(self.whole, HasFaces):
+            return self
+        return changed(self, whole=self.whole.with_load(where, load))
 
     def split(self, change: Callable[[ParallelSection], Sequence[ParallelSection]]) -> Self:
         """Return the assembly with every part of the face divided into several."""
-        return replace(self, parts=tuple(section for part in self.parts for section in change(part)))
+        return changed(self, parts=tuple(section for part in self.parts for section in change(part)))
 
     def scaled(self, factors: Mapping[str, float]) -> Self:
         """Return the assembly with these parameters of its stacks times factors, where a stack has them."""
 
-        def changed(part: ParallelSection) -> ParallelSection:
+        def scaled(part: ParallelSection) -> ParallelSection:
             now = part.stack.parameters()
             moved = {name: now[name] * factor for name, factor in factors.items() if name in now}
             scale = {name: part.scale.get(name, 1.0) * factors[name] for name in moved}
-            return replace(part, stack=part.stack.replace(moved), scale={**part.scale, **scale})
+            return changed(part, stack=part.stack.replace(moved), scale={**part.scale, **scale})
 
-        return replace(self, parts=tuple(map(changed, self.parts)))
+        return changed(self, parts=tuple(map(scaled, self.parts)))
 
     def beside(self, shunt: Shunt) -> Self:
         """Return the assembly with an admittance in parallel with the device."""
-        return replace(self, shunts=(*self.shunts, shunt))
+        return changed(self, shunts=(*self.shunts, shunt))
 
     def behind(self, terminal: Terminal) -> Self:
         """Return the assembly as seen from further out."""
-        return replace(self, terminals=(*self.terminals, terminal))
+        return changed(self, terminals=(*self.terminals, terminal))
 
     def recorded(self, record: "Record") -> Self:
         """Return the assembly as a sweep of this kind records it."""
-        return replace(self, records=(*self.records, record))
+        return changed(self, records=(*self.records, record))
 
     def impedance(self, frequency: Frequencies) -> Impedances:
         """Return the recorded impedance, ohm, shape (N,)."""
@@ -288,15 +298,20 @@ class Assembly:
 
     def steady(self, frequency: Frequencies) -> Impedances:
         """Return the impedance in an infinitely slow sweep: all stages but the last, ohm, shape (N,)."""
+        own = self.parts, self.whole, self.shunts, self.terminals, frequency
+        known = next((Z for key, Z in self._known_steady if all(a is b for a, b in zip(key, own, strict=True))), None)
+        steady = self._steady(frequency) if known is None else known
+        if not frequency.flags.writeable:
+            others = [one for one in self._known_steady if one[1] is not steady]
+            self._known_steady[:] = [(own, steady), *others[:1]]
+        return steady
+
+    def _steady(self, frequency: Frequencies) -> Impedances:
         jw = j_omega(frequency)
-        seen: Impedances = 1 / self._admittance(frequency, jw)
+        seen: Impedances = 1 / (self._beside(frequency, jw) + self._within(frequency))
         for terminal in self.terminals:
             seen, _ = terminal(jw, seen)
         return seen
-
-    def _admittance(self, frequency: Frequencies, jw: Complexes) -> Complexes:
-        """Return the admittance behind the terminals, S, shape (N,)."""
-        return self._beside(frequency, jw) + self._within(frequency)
 
     def _within(self, frequency: Frequencies) -> Complexes:
         """Return the admittance of the device without shunts, S, shape (N,)."""
@@ -331,12 +346,12 @@ class Assembly:
         slope = np.zeros((len(names), frequency.size), np.complex128)
         if self.whole is not None:
             own, by_name = self.whole.jacobian(frequency, names)
-            within, slope = self._kept(frequency, 1 / own).copy(), -by_name / own
+            within, slope = 1 / own, -by_name / own
         for part in self.parts:
             admittance, by_name = part.jacobian(frequency, names)
             within += admittance
             slope += by_name
-        return self._seen(frequency, within, slope)
+        return self._seen(frequency, self._kept(frequency, within), slope)
 
     def _seen(self, frequency: Frequencies, within: Complexes, slope: Complexes) -> tuple[Impedances, Complexes]:
         """Return Z and d ln Z from the admittance of the device without shunts and its derivatives, shape (P, N)."""
@@ -360,7 +375,7 @@ class Assembly:
                 continue
             t = part.stack.parameters()[name]
             sides = (part.stack.replace({name: t * (1 + one)}) for one in (-spread, spread))
-            uneven = sum((replace(part, stack=side).admittance(frequency) for side in sides), np.zeros_like(change))
+            uneven = sum((changed(part, stack=side).admittance(frequency) for side in sides), np.zeros_like(change))
             change += uneven / 2 - part.admittance(frequency)
         return self._seen(frequency, self._within(frequency), change[None])[1][0] if self.parts else change
 

@@ -7,7 +7,8 @@ from typing import Self
 
 import numpy as np
 
-from ...base.arrays import Complexes, Frequencies, Impedances
+from ...base.arrays import Complexes, Frequencies, Impedances, complex_log
+from ...base.copies import changed
 from ...base.model import Model
 from ...base.names import require
 from ...stack import Stack
@@ -32,16 +33,19 @@ class Added:
         """Common prefix of its parameters' names."""
         return f"{self.effect.key}@{self.where}."
 
+    @cached_property
+    def names(self) -> Mapping[str, str]:
+        """Full name of each of its parameters."""
+        return {knob: self.prefix + knob for knob in self.values}
+
     def parameters(self) -> dict[str, float]:
         """Return its values by full parameter name."""
-        prefix = self.prefix
-        return {prefix + knob: value for knob, value in self.values.items()}
+        return {self.names[knob]: value for knob, value in self.values.items()}
 
     def moved(self, parameters: Mapping[str, float]) -> Self:
         """Return it with its own among these parameters changed."""
-        prefix = self.prefix
-        changes = {name.removeprefix(prefix): v for name, v in parameters.items() if name.startswith(prefix)}
-        return type(self)(self.effect, self.where, {**self.values, **changes}) if changes else self
+        changes = {knob: parameters[name] for knob, name in self.names.items() if name in parameters}
+        return changed(self, values={**self.values, **changes}) if changes else self
 
 
 def small_step(knob: EffectParameter, value: float) -> float:
@@ -121,8 +125,8 @@ class Device:
         own, its = self.assembly, other.assembly
         recorded = own.as_recorded(its, frequency)
         if recorded is None:
-            return np.asarray(np.log(other.impedance(frequency) / self.impedance(frequency)), np.complex128)
-        ratio = np.log(its.steady(frequency) / own.steady(frequency)) + recorded
+            return complex_log(other.impedance(frequency) / self.impedance(frequency))
+        ratio = complex_log(its.steady(frequency) / own.steady(frequency)) + recorded
         return np.conj(ratio) if own.conjugated else ratio
 
     def jacobian(self, frequency: Frequencies, names: Sequence[str]) -> tuple[Impedances, Complexes]:
