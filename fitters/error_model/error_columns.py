@@ -276,7 +276,7 @@ def columns_of(
         add("held", 0.0, lambda p, of=of: of[id(p)], ColumnCorrection(HELD + one.name, everywhere))
     _lines(add, places, [one for one in local if isinstance(one, WeakLine)])
     _switches(add, places, [one for one in local if isinstance(one, RangeSwitch)])
-    blocks = tuple(np.stack(own, axis=1) for own in made)
+    blocks = tuple(np.array(own).T for own in made)  # column by column, as what is computed with them takes them
     points = tuple(_points(place) for place in places)
     return ErrorColumns(tuple(parts), np.array(of_losses), blocks, points, tuple(corrections), means=centres)
 

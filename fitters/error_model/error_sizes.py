@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from math import log
 from typing import Self
 
@@ -232,28 +232,26 @@ class Gram:
 
 def factored(G: Reals, d: Reals) -> tuple[Reals, float]:
     """Return the Cholesky factor of 1 + d G d, and ln of its determinant. Raises LinAlgError."""
-    S = _one(d.size) + d[:, None] * G * d
-    diagonal = S.diagonal()
+    diagonal = 1 + d * G.diagonal() * d
     if not (diagonal > 0).all():
         raise np.linalg.LinAlgError("no covariance")
     unit = np.sqrt(diagonal)
-    scaled = unit[:, None] * _cholesky(S / unit / unit[:, None])
+    part = d / unit
+    S = part[:, None] * G * part
+    np.fill_diagonal(S, 1.0)
+    scaled = unit[:, None] * _cholesky(S)
     return scaled, 2 * float(np.log(scaled.diagonal()).sum())
 
 
 def _cholesky(S: Reals) -> Reals:
-    """Return the lower Cholesky factor of a matrix of unit diagonal. Raises LinAlgError."""
+    """Return the lower Cholesky factor of a matrix of unit diagonal, column by column. Raises LinAlgError."""
     for ridge in _RIDGES:
-        L, failed = dpotrf(S + ridge * _one(len(S)), lower=1)  # zeros above the diagonal
+        regular = S.copy()
+        regular.flat[:: len(S) + 1] += ridge  # the diagonal
+        L, failed = dpotrf(regular.T, lower=1, overwrite_a=1)  # zeros above the diagonal
         if not failed:
-            return np.ascontiguousarray(L)
+            return L
     raise np.linalg.LinAlgError("no covariance")
-
-
-@cache
-def _one(size: int) -> Reals:
-    """Return the unit matrix."""
-    return np.eye(size)
 
 
 def whitened_by(L: Reals, GX: Reals) -> Reals:

@@ -4,9 +4,9 @@ Both are exponential in the distance of two points, so their precision matrices 
 linear in the number of points (Rybicki and Press, Phys. Rev. Lett. 74 (1995) 1060).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property, partial
 from math import comb
 from typing import Self
 
@@ -16,6 +16,7 @@ from scipy.linalg.lapack import dpttrf, dpttrs
 
 from ...models.base.arrays import Complexes, Reals
 from .prior_scales import ROUGH_LENGTH
+from .rough_filter import RoughFilter
 
 Rough = tuple[float, float]
 """Sizes of the rough errors of the model and of the effects' formulas."""
@@ -49,10 +50,20 @@ class PointErrors:
     Empty if unknown.
     """
 
-    @property
+    @cached_property
     def kept(self) -> NDArray[np.bool_]:
         """Whether each point counts, shape (N,)."""
         return np.isfinite(self.noise)
+
+    @cached_property
+    def weight(self) -> Reals:
+        """1/noise of the points that count."""
+        return 1 / self.noise[self.kept]
+
+    @cached_property
+    def all_kept(self) -> bool:
+        """Whether all points count."""
+        return bool(np.all(self.kept))
 
     def repeats(self, other: "PointErrors") -> bool:
         """Return whether two recordings are of the same device at the same frequencies, so that only noise differs."""
@@ -86,12 +97,10 @@ def in_noise(points: Sequence[PointErrors], blocks: Sequence[Complexes]) -> Real
     """Return columns, complex of shape (N, P) for each recording, in units of its noise."""
     made: RealColumns = []
     for own, X in zip(points, blocks, strict=True):
-        kept = own.kept
-        Y = X if np.all(kept) else X[kept]
-        weight = 1 / own.noise[kept]
+        Y = X if own.all_kept else X[own.kept]
         both = np.empty((Y.shape[1], 2, Y.shape[0]))
-        np.multiply(Y.real.T, weight, out=both[:, 0])
-        np.multiply(Y.imag.T, weight, out=both[:, 1])
+        np.multiply(Y.real.T, own.weight, out=both[:, 0])
+        np.multiply(Y.imag.T, own.weight, out=both[:, 1])
         made.append(both)
     return made
 
@@ -103,7 +112,7 @@ class WhitenedColumns:
     left: Sequence[Reals]
     """For each recording, shape (P, 2N)."""
     right: Sequence[Reals]
-    """The same array where there is only coloured noise."""
+    """The same array unless there are both coloured noise and rough errors."""
 
     def squared(self) -> Reals:
         """Return X^T K^-1 X, shape (P, P)."""
@@ -226,20 +235,26 @@ class _One:
         """`size`: rough error in units of the noise, which is larger than white noise of the same differences."""
         n = log_f.size
         self._under, self._colour = under, colour
+        self._white: Callable[[Reals], Reals] | None = None
         self.log_det = (n - 1) * float(np.log(1 - colour**2))
-        self.is_rough = bool(np.any(size))
-        if not self.is_rough:
+        if not np.any(size):
+            self._white = partial(_whitened, colour=colour)
+            return
+        step = np.exp(-np.abs(np.diff(log_f)) / ROUGH_LENGTH)
+        between = np.maximum(1 - step**2, 1e-12)
+        self._amplitude = np.maximum(size, _LEAST)
+        if colour == 0:
+            rough = RoughFilter.of(self._amplitude, step, between)
+            self._white = rough.whitened
+            self.log_det += rough.log_det
             return
         scale = 1 / (1 - colour**2)
         middle = np.full(n, (1 + colour**2) * scale)
         middle[[0, -1]] = scale
-        step = np.exp(-np.abs(np.diff(log_f)) / ROUGH_LENGTH)
-        between = np.maximum(1 - step**2, 1e-12)
         beside_of_T = -step / between
         middle_of_T = np.ones(n)
         middle_of_T[:-1] += step**2 / between
         middle_of_T[1:] += step**2 / between
-        self._amplitude = np.maximum(size, _LEAST)
         diagonal = middle_of_T + self._amplitude**2 * middle
         beside = beside_of_T - colour * scale * self._amplitude[1:] * self._amplitude[:-1]
         d, e, failed = dpttrf(diagonal, beside)
@@ -256,13 +271,14 @@ class _One:
     def sides(self, X: Reals) -> tuple[Reals, Reals]:
         """Return the factors of X^T K^-1 X from columns in units of white noise, each (P, 2, N).
 
-        K = R + A T^-1 A, R the coloured noise, A the rough error's amplitudes, T its precision at unit amplitude. Its
-        inverse is A^-1 T M^-1 A R^-1 with M = T + A R^-1 A: a product, where the usual difference of R^-1 and a
-        correction would lose all digits if the rough error is much larger than the noise.
+        They are the same unless there are rough errors beside coloured noise: K = R + A T^-1 A, R the coloured noise, A
+        the rough error's amplitudes, T its precision at unit amplitude. Its inverse is A^-1 T M^-1 A R^-1 with
+        M = T + A R^-1 A: a product, where the usual difference of R^-1 and a correction would lose all digits if the
+        rough error is much larger than the noise.
         """
         scaled = X if self._under == 1 else self._under * X
-        if not self.is_rough:
-            white = _whitened(scaled, self._colour)
+        if self._white is not None:
+            white = self._white(scaled)
             return white, white
         left = self._within * scaled
         left[..., 1:] += self._after * scaled[..., :-1]
