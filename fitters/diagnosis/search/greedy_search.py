@@ -72,8 +72,10 @@ class GreedySearch(FittedHypotheses):
             null = self.begin()
         self.fit([Plan(effects, values, (ErrorSizes(),), near=True, rounds=5) for effects, values in self.seeds])
         if self.best is null:
+            self.try_without_errors(null)
             self.account_for_local_errors()
-            self.try_without_errors(self.null)
+            if null.fit.shortfall > 0:  # it was not done: weak lines were missing, which may explain the rest
+                self.try_without_errors(self.null)
             self._grow_from_none()
 
     def _extend(self) -> None:
