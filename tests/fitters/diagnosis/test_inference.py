@@ -104,6 +104,15 @@ def test_of_two_answers_about_as_certain_the_more_probable_one_is_told(monkeypat
     assert told == [likely, rare]
 
 
+def test_of_one_effect_at_two_places_that_stays_which_explains_more() -> None:
+    front, back = (Candidate(find_effect("local-mass"), face, ("disk",), ()) for face in ("face:front", "face:back"))
+    alone = {one: SimpleNamespace(effects=(one,), log_weight=weight) for one, weight in ((front, -3900), (back, -300))}
+    search = SimpleNamespace(without=lambda _both, one: alone[back if one is front else front])
+    sure = dict.fromkeys((front, back), Certainty(0.0, 0.0, frozenset()))
+    both = SimpleNamespace(effects=(back, front))
+    assert conclusion._without_the_least(search, both, both.effects, sure).effects == (back,)
+
+
 @pytest.mark.parametrize(("lead", "cable", "told"), [(0.4, 0.45, "lead-inductance"), (0.3, 0.6, "cable")])
 def test_a_lead_that_may_be_a_short_cable_is_a_lead(lead: float, cable: float, told: str) -> None:
     candidates = {
