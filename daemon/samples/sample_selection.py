@@ -122,10 +122,8 @@ def by_number(files: Sequence[Path]) -> list[Path]:
 
     A shell lists disk-2 before disk, and a drift goes on from one to the next.
     """
-    parts = {path: re.split(r"[-_ ](\d+)$", path.stem) for path in files}
-    if len({name for name, *_ in parts.values()}) > 1:
-        return list(files)
-    return sorted(files, key=lambda path: [int(number) for number in parts[path][1:2]])
+    names = {re.sub(r"[-_ ]\d+$", "", path.stem) for path in files}
+    return _in_order(files) if len(names) == 1 else list(files)
 
 
 def _in_order(files: Iterable[Path]) -> list[Path]:

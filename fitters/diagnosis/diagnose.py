@@ -302,7 +302,8 @@ def _told(
     found = replace(found, named=tuple(kept))
     # where a mismatch was found, the likelihood is an approximation, for the constants as for the effects
     coarse = found.final.coarseness if found.verdict != "no-mismatch" else 1.0
-    before, after = LeastSquares.of(problem, found.null), LeastSquares.of(problem, found.final)
+    before = LeastSquares.of(problem, found.null)
+    after = LeastSquares.of(problem, found.final) if found.final.effects else before
     told = [(one, _finding(problem, one, found, before, after, coarse)) for one in found.named]
     left = remainder(final)
     findings = [said for one, said in told if one.kind == "finding"]

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ....models.effects.base.effect import TERMINALS
+from ...engine.recording import rms
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import LISTED, NAMED, NOTHING, PARENTS, TOLD, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
@@ -187,13 +188,13 @@ def remaining_of(one: Hypothesis) -> Remaining:
     """Return what a hypothesis leaves of ln Z, and the most probable causes of it."""
     taken = taken_up(one.fit)
     return Remaining(
-        total=_size(one.fit.left_by_the_model),
-        instrument=_size(taken.instrument),
-        device=_size(taken.usual),
-        build=_size(taken.held),
+        total=rms(*one.fit.left_by_the_model),
+        instrument=rms(*taken.instrument),
+        device=rms(*taken.usual),
+        build=rms(*taken.held),
         off={name: change for name, change in taken.off.items() if change},
-        constants=_size(taken.model),
-        noise=_size(taken.left),
+        constants=rms(*taken.model),
+        noise=rms(*taken.left),
     )
 
 
@@ -241,11 +242,7 @@ def _is_the_fixture(search: GreedySearch, one: Candidate, final: Hypothesis) -> 
 
 
 def _rms(one: Hypothesis) -> float:
-    return _size(one.fit.gram.r)
-
-
-def _size(parts: Sequence[np.ndarray]) -> float:
-    return float(np.sqrt(np.mean(np.abs(np.concatenate(parts)) ** 2)))
+    return rms(*one.fit.gram.r)
 
 
 def _alternatives(

@@ -1,11 +1,12 @@
 """Size of an effect: the change of the recordings beyond what constants could do, and the change of the constants."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from ....models.base.arrays import Complexes, Reals
+from ....models.base.arrays import Reals
+from ...engine.recording import rms
 from ...error_model.instrument_share import accuracy_of
 from ...error_model.marginal_fit import plain
 from ...error_model.uncertainty_sources import spread_of
@@ -41,12 +42,8 @@ def moved(problem: Problem, one: Hypothesis, effect: Candidate, without: Hypothe
     for start in (one.values, without.values):
         marginal = marginal_of(shown, rest, start)
         x = plain(marginal, [marginal.objective.coordinates.x])
-        left.append(_rms(marginal.objective.log_ratios(x)))
+        left.append(rms(*marginal.objective.log_ratios(x)))
     return min(left)
-
-
-def _rms(parts: Sequence[Complexes]) -> float:
-    return float(np.sqrt(np.mean(np.abs(np.concatenate(parts)) ** 2)))
 
 
 def largest_of(problem: Problem, one: Hypothesis, effect: Candidate) -> float:

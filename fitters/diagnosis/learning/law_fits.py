@@ -9,6 +9,7 @@ from ....models.effects.learned.corrections import Place
 from ....models.effects.learned.laws import Law
 from ....models.effects.learned.learned import LearnedLaw
 from ....models.effects.learned.sweep_laws import SweepLaw, laws_of_sweeps
+from ...engine.recording import rms
 from ...error_model.error_columns import stack_of
 from ...error_model.error_sizes import ErrorSizes
 from ...interface import UNCOMPUTABLE
@@ -99,4 +100,4 @@ def best_fit(
 
 def left_by(one: Hypothesis) -> float:
     """Return the rms of ln Z that a model leaves without any errors."""
-    return float(np.sqrt(np.mean(np.abs(np.concatenate(one.fit.left_by_the_model)) ** 2)))
+    return rms(*one.fit.left_by_the_model)

@@ -49,6 +49,8 @@ def test_the_true_effect_is_found_with_its_size(lead_case) -> None:
     (named,) = found.findings
     assert named.candidate is lead_case.lead
     assert named.probability > 0.9
+    final, without = (LeastSquares.of(lead_case.problem, one) for one in (found.final, named.without))
+    assert final.share_beside(without) > 0.99
     assert found.verdict == "explained"
     assert not found.something_left
 
