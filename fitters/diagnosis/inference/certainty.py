@@ -1,6 +1,6 @@
 """How certain an effect is, averaged over all hypotheses, and which others look like it."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
@@ -9,6 +9,7 @@ import numpy as np
 from ....models.base.arrays import Complexes, Reals
 from ....models.effects import Effect
 from ...engine.recording import log_ratio
+from ...error_model.prior_scales import SHAPE
 from ..decision_rules import CLASS, CLASS_NATS, ODDS, RIVALS, TOLD, UNFORESEEN
 from ..hypotheses.changes import change_by
 from ..hypotheses.hypothesis import Hypothesis
@@ -40,24 +41,36 @@ class Certainties:
     )
 
     def of(self, one: Hypothesis) -> dict[Candidate, Certainty]:
-        """Return the certainty of each effect of a hypothesis."""
+        """Return the certainty of each effect of a hypothesis.
+
+        Of several of one name, the one that explains second most is as certain as it is that there are two of them.
+        """
         found: dict[Candidate, Certainty] = {}
         for effect in one.effects:
             alike = look_alikes(self.search, one, effect)
-            rest = {its.effect.name for its in one.effects if its is not effect}
+            rest = {its.effect.name for its in one.effects if its.effect is not effect.effect}
             names = {effect.effect.name, *(its.effect.name for its in alike)} - rest
             own = {effect.effect.name, *kinds_of(effect.effect.name, (its.effect for its in alike))}
-            found[effect] = Certainty(self.present(own), self.present(names), frozenset(alike))
+            before = self._before(one, effect)
+            found[effect] = Certainty(self.present(own, before), self.present(names, before), frozenset(alike))
         return found
 
-    def present(self, names: Collection[str]) -> float:
+    def _before(self, one: Hypothesis, effect: Candidate) -> int:
+        """Return how many effects of the same name explain more in a hypothesis."""
+        same = [its for its in one.effects if its.effect is effect.effect]
+        if len(same) == 1:
+            return 0
+        return sorted(same, key=lambda its: self.search.without(one, its).log_weight).index(effect)
+
+    def present(self, names: Collection[str], beside: int = 0) -> float:
         """Return the probability that one of these effects is present, at whatever place, and changes ln Z so much.
 
-        Where none of the hypotheses holds, an effect is as probable as beforehand.
+        `beside`: how many others of these names have to be present, too. Where none of the hypotheses holds, an effect
+        is as probable as beforehand.
         """
-        return self.found(names) + self._unforeseen * ODDS
+        return self.found(names, beside=beside) + self._unforeseen * ODDS
 
-    def found(self, names: Collection[str], where: str | None = None) -> float:
+    def found(self, names: Collection[str], where: str | None = None, beside: int = 0) -> float:
         """Return the same of what the hypotheses contain alone; `where`: its place, None for any.
 
         The sum over hypotheses of their posterior probability, times the probability that the change is due to the
@@ -68,9 +81,9 @@ class Certainties:
             if part <= _NEGLIGIBLE:
                 continue
             there = [its for its in one.effects if its.effect.name in names and where in (None, its.where)]
-            if there:
+            if len(there) > beside:
                 itself = self._itself_in(one)
-                whole += part * max(itself[effect] for effect in there)
+                whole += part * sorted((itself[effect] for effect in there), reverse=True)[beside]
         return (1 - self._unforeseen) * whole
 
     @property
@@ -82,24 +95,29 @@ class Certainties:
         """Return, by effect, the probability that it and not an unnamed cause changes ln Z in a hypothesis.
 
         Between two causes of random shape the odds are the ratio of their squared sizes, where each point is weighted
-        by the effect's squared size there.
+        by the effect's squared size there. The formula of a larger effect of the same name may be wrong as usual: a
+        small second dot of solder is another cause of what the formula of the first leaves.
         """
         if one not in self._itself:
-            powers = powers_of(self.search.problem, one).items()
-            self._itself[one] = {effect: self._share(one, effect, power) for effect, power in powers}
+            powers = powers_of(self.search.problem, one)
+            self._itself[one] = {effect: self._share(one, effect, powers) for effect in powers}
         return self._itself[one]
 
-    def _share(self, one: Hypothesis, effect: Candidate, power: Reals) -> float:
-        """Return the share of an effect beside what a hypothesis leaves unexplained; `power`: see `powers_of`.
+    def _share(self, one: Hypothesis, effect: Candidate, powers: Mapping[Candidate, Reals]) -> float:
+        """Return the share of an effect beside what a hypothesis leaves unexplained; `powers`: see `powers_of`.
 
         Slopes of the constants may say that these imitate it, and a refit without it that they cannot: what counts is
         of second order, or priors hold the constants.
         """
-        other = one.unexplained_at
+        power = powers[effect]
+        larger = (
+            own for its, own in powers.items() if its.effect is effect.effect and float(own.sum()) > float(power.sum())
+        )
+        other = sum((SHAPE**2 * own for own in larger), one.unexplained_at)
         share = _ratio(power, other)
         if share > 1 - TOLD:
             return share
-        return max(share, _ratio(self.search.without(one, effect).unexplained_at - other, other))
+        return max(share, _ratio(self.search.without(one, effect).unexplained_at - one.unexplained_at, other))
 
 
 def kinds_of(name: str, effects: Iterable[Effect]) -> set[str]:

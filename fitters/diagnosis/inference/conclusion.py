@@ -146,22 +146,10 @@ def _without_the_improbable(
     """Return a hypothesis without its improbable effects, the others at their most probable places."""
     sure = certainties.of(one)
     while unsure := [effect for effect in one.effects if sure[effect].of_class < NAMED]:
-        one = _without_the_least(search, one, unsure, sure)
+        one = search.without(one, min(unsure, key=lambda effect: sure[effect].of_class))
         sure = certainties.of(one)
     there = _at_its_places(search, one)
     return there, sure if there is one else certainties.of(there)
-
-
-def _without_the_least(
-    search: GreedySearch, one: Hypothesis, unsure: Sequence[Candidate], sure: Mapping[Candidate, Certainty]
-) -> Hypothesis:
-    """Return a hypothesis without the least certain of these effects.
-
-    Of one effect at two places, of which no certainty can tell, that is left out which explains less.
-    """
-    least = min(sure[effect].of_class for effect in unsure)
-    rests = [search.without(one, effect) for effect in unsure if sure[effect].of_class == least]
-    return max(rests, key=lambda rest: rest.log_weight)
 
 
 def _at_its_places(search: GreedySearch, one: Hypothesis) -> Hypothesis:

@@ -18,7 +18,7 @@ from pzctl.fitters.diagnosis.findings import Alternative, Finding
 from pzctl.fitters.diagnosis.hypotheses.hypothesis import probabilities
 from pzctl.fitters.diagnosis.hypotheses.instrument_artefacts import UNKNOWN
 from pzctl.fitters.diagnosis.hypotheses.problem import Candidate
-from pzctl.fitters.diagnosis.inference import conclusion
+from pzctl.fitters.diagnosis.inference import certainty, conclusion
 from pzctl.fitters.diagnosis.inference.averaged_constants import averaged_constants
 from pzctl.fitters.diagnosis.inference.certainty import Certainties, Certainty
 from pzctl.fitters.diagnosis.inference.conclusion import Conclusion, conclude
@@ -106,13 +106,19 @@ def test_of_two_answers_about_as_certain_the_more_probable_one_is_told(monkeypat
     assert told == [likely, rare]
 
 
-def test_of_one_effect_at_two_places_that_stays_which_explains_more() -> None:
+def test_the_second_of_two_effects_of_one_name_is_as_certain_as_that_there_are_two(monkeypatch) -> None:
     front, back = (Candidate(find_effect("local-mass"), face, ("disk",), ()) for face in ("face:front", "face:back"))
-    alone = {one: SimpleNamespace(effects=(one,), log_weight=weight) for one, weight in ((front, -3900), (back, -300))}
-    search = SimpleNamespace(without=lambda _both, one: alone[back if one is front else front])
-    sure = dict.fromkeys((front, back), Certainty(0.0, 0.0, frozenset()))
-    both = SimpleNamespace(effects=(back, front))
-    assert conclusion._without_the_least(search, both, both.effects, sure).effects == (back,)
+    both, one = SimpleNamespace(effects=(back, front)), SimpleNamespace(effects=(front,))
+    rest = {front: SimpleNamespace(log_weight=-3900), back: SimpleNamespace(log_weight=-300)}
+    search = SimpleNamespace(
+        best=SimpleNamespace(fit=SimpleNamespace(exact=True)),
+        posterior=[(both, 0.3), (one, 0.6)],
+        without=lambda _both, effect: rest[effect],
+    )
+    monkeypatch.setattr(certainty, "look_alikes", lambda *_: set())
+    monkeypatch.setattr(Certainties, "_itself_in", lambda _, of: dict.fromkeys(of.effects, 1.0))
+    sure = Certainties(search).of(both)
+    assert (sure[front].of_effect, sure[back].of_effect) == (pytest.approx(0.9), pytest.approx(0.3))
 
 
 @pytest.mark.parametrize(("lead", "cable", "told"), [(0.4, 0.45, "lead-inductance"), (0.3, 0.6, "cable")])
