@@ -20,6 +20,7 @@ class SpuriousResonance(Effect):
 
     name = "spurious-resonance"
     sizes = 2
+    several = True
     says = "There is one additional resonance of unknown origin, which appears with {where}."
     separates = "damp the rim with wax, hold the part elsewhere, or sweep a second sample: a shift shows its origin"
     references = (

@@ -50,7 +50,7 @@ def _quantity(table: Table, key: str) -> Quantity:
         inner.only(("value", "u"))
         if "value" not in inner.data:
             raise inner.missing("value", f"write {key} = {{ value = ..., u = ... }}")
-    return table.quantity(key, Key(key, 1.0))
+    return table.quantity(key, Key("parameter", 1.0))  # its limits are those of its effect, not of a constant
 
 
 def check_effects(build: Build, source: str) -> None:

@@ -61,12 +61,13 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
             continue
         beyond = _FLANK if any(knob.name == "q" and knob.upper > SHARP for knob in effect_parameters) else 0.0
         effect_parameters = tuple(_recorded(problem, knob, beyond) for knob in effect_parameters)
-        open_steps = [step for step in steps if not _is_known(devices[step], effect, where)]
+        known = max(_known(devices[step], effect, where) for step in steps)
+        open_steps = [step for step in steps if effect.several or not _known(devices[step], effect, where)]
         if effect.from_later_step:
             groups = [tuple(open_steps[k:]) for k in range(1, len(open_steps))]
         else:
             groups = step_groups(where, open_steps) if open_steps else []
-        found += [Candidate(effect, where, group, effect_parameters) for group in groups]
+        found += [Candidate(effect.another(known + 1), where, group, effect_parameters) for group in groups]
     return found
 
 
@@ -76,11 +77,10 @@ def _covered(stack: Stack, stacks: Sequence[Stack]) -> str | None:
     return there[0] if there else None
 
 
-def _is_known(device: Model, effect: Effect, where: str) -> bool:
-    """Return whether the build states this effect, which is therefore part of the device already."""
-    return isinstance(device, Device) and any(
-        (one.effect.law_name, one.where) == (effect.law_name, where) for one in device.added
-    )
+def _known(device: Model, effect: Effect, where: str) -> int:
+    """Return how many of this effect the build states, which are therefore part of the device already."""
+    added = device.added if isinstance(device, Device) else ()
+    return sum((one.effect.law_name, one.where) == (effect.law_name, where) for one in added)
 
 
 def step_groups(where: str, steps: Sequence[str]) -> list[tuple[str, ...]]:

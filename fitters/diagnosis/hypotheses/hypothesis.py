@@ -1,9 +1,10 @@
 """Hypotheses: sets of effects, each fitted by its marginal likelihood, and their posterior probabilities."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from heapq import nlargest
+from itertools import count
 
 import numpy as np
 from scipy.special import chdtri
@@ -182,13 +183,21 @@ def _ways_to_leave(left: float, usual: float) -> tuple[float, float]:
 def beside(effects: Sequence[Candidate], candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return the candidates that can stand beside these effects.
 
-    None of an effect at a place where one of them is, and of those that divide the face into strips only one: the
-    strips of two would multiply.
+    None of an effect at a place where one of them is, or a further one if there can be several; and of those that
+    divide the face into strips only one: the strips of two would multiply.
     """
-    taken = {(one.effect.name, one.where) for one in effects}
+    taken: dict[tuple[str, str], set[int]] = {}
+    for one in effects:
+        taken.setdefault((one.effect.name, one.where), set()).add(one.effect.number)
     divided = any(one.effect.divides for one in effects)
-    left = (one for one in candidates if not (divided and one.effect.divides))
-    return [one for one in left if (one.effect.name, one.where) not in taken]
+    left: list[Candidate] = []
+    for one in candidates:
+        there = taken.get((one.effect.name, one.where), set())
+        if (there and not one.effect.several) or (divided and one.effect.divides):
+            continue
+        number = next(k for k in count(one.effect.number) if k not in there)
+        left.append(replace(one, effect=one.effect.another(number)) if there else one)
+    return left
 
 
 def coordinates_with(problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float]) -> Coordinates:

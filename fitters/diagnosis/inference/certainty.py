@@ -48,7 +48,7 @@ class Certainties:
         found: dict[Candidate, Certainty] = {}
         for effect in one.effects:
             alike = look_alikes(self.search, one, effect)
-            rest = {its.effect.name for its in one.effects if its.effect is not effect.effect}
+            rest = {its.effect.name for its in one.effects if its.effect.name != effect.effect.name}
             names = {effect.effect.name, *(its.effect.name for its in alike)} - rest
             own = {effect.effect.name, *kinds_of(effect.effect.name, (its.effect for its in alike))}
             before = self._before(one, effect)
@@ -57,7 +57,7 @@ class Certainties:
 
     def _before(self, one: Hypothesis, effect: Candidate) -> int:
         """Return how many effects of the same name explain more in a hypothesis."""
-        same = [its for its in one.effects if its.effect is effect.effect]
+        same = [its for its in one.effects if its.effect.name == effect.effect.name]
         if len(same) == 1:
             return 0
         return sorted(same, key=lambda its: self.search.without(one, its).log_weight).index(effect)
@@ -110,9 +110,8 @@ class Certainties:
         of second order, or priors hold the constants.
         """
         power = powers[effect]
-        larger = (
-            own for its, own in powers.items() if its.effect is effect.effect and float(own.sum()) > float(power.sum())
-        )
+        of_its_name = (own for its, own in powers.items() if its.effect.name == effect.effect.name)
+        larger = (own for own in of_its_name if float(own.sum()) > float(power.sum()))
         other = sum((SHAPE**2 * own for own in larger), one.unexplained_at)
         share = _ratio(power, other)
         if share > 1 - TOLD:

@@ -1,6 +1,6 @@
 """From all fitted hypotheses to a verdict: named effects, their probabilities, look-alikes, and the residual."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal

@@ -131,7 +131,7 @@ class GreedySearch(FittedHypotheses):
     def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
         """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
         # those that were tried beside the rest, too: from other constants they may have ended in another minimum
-        left = [other for other in beside(rest.effects, self.candidates) if other.effect is not effect.effect]
+        left = [other for other in beside(rest.effects, self.candidates) if other.effect.name != effect.effect.name]
         alike: dict[str, ScreenedCandidate] = {}
         for found in resembling(self.problem, one, effect, rest, left):
             if found.gain > RESEMBLING:
@@ -157,7 +157,7 @@ class GreedySearch(FittedHypotheses):
             twins = {(twin.where, twin.steps) for twin in self.twins.get(effect, ())}
             rest = tuple(other for other in one.effects if other is not effect)
             for other in beside(rest, self.candidates):
-                if other.effect is not effect.effect or other is effect or (other.where, other.steps) in twins:
+                if other.effect.name != effect.effect.name or other is effect or (other.where, other.steps) in twins:
                     continue
                 if frozenset((*rest, other)) in self.found:
                     continue

@@ -62,16 +62,14 @@ class KnownEffect:
 def known_effects(specs: Sequence[EffectSpec], stacks: Mapping[str, Stack]) -> tuple[KnownEffect, ...]:
     """Return the effects of a build; `stacks`: nominal stack of each of its steps, in gluing order.
 
-    Several laws can be learned at one place; the first of them acts innermost.
+    Several resonances or learned laws can be at one place; the first of them acts innermost.
     Raises KnownEffectError for an effect that this sample cannot have.
     """
     places = [(spec.effect, spec.where) for spec in specs]
     found = tuple(_known(spec, stacks, places[: k + 1].count(places[k])) for k, spec in enumerate(specs))
     for one in found:
-        if one.spec.effect != NAME and places.count((one.spec.effect, one.spec.where)) > 1:
-            raise KnownEffectError(
-                f"{one.effect.name} at {one.spec.where} is given twice; one effect of a kind is possible at one place"
-            )
+        if one.effect.number > 1 and not (one.effect.several or one.spec.effect == NAME):
+            raise KnownEffectError(f"{one.effect.name} at {one.spec.where} is given twice; only one is possible there")
     return found
 
 
@@ -108,11 +106,11 @@ def effect_parameters(
 ) -> tuple[Effect, tuple[EffectParameter, ...]]:
     """Return the effect named in a build, and its parameters at that place. Raises KnownEffectError.
 
-    `number`: which of the laws learned at its place it is.
+    `number`: which of those of its name at its place it is.
     """
     steps = _steps_of(spec, stacks)
     stack = stacks[steps[-1]]
-    effect = _learned(spec, stack, number) if spec.effect == NAME else _of_catalogue(spec)
+    effect = _learned(spec, stack, number) if spec.effect == NAME else _of_catalogue(spec).another(number)
     places = {where: None for step in steps for where in effect.places(stacks[step])}
     if spec.where not in places:
         raise KnownEffectError(f"{effect.name}: where is {spec.where!r}; {among(spec.where, list(places))}")

@@ -2,8 +2,10 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from itertools import pairwise
 from typing import ClassVar
 
@@ -103,7 +105,9 @@ class Effect(ABC):
     references: ClassVar[tuple[str, ...]]
     stage: Stage = Stage.LAYERS
     number: int = 1
-    """Which of the effects of its name at its place it is: several laws can be learned at one place."""
+    """Which of the effects of its name at its place it is: a layer may have several resonances, or learned laws."""
+    several: ClassVar[bool] = False
+    """Whether several of it can be at one place, each with parameters of its own."""
     sizes: ClassVar[int] = 1
     """Number of leading parameters that are sizes: the effect is absent if all of them are null."""
 
@@ -150,6 +154,10 @@ class Effect(ABC):
     def key(self) -> str:
         """Its name in the names of parameters: `learned`, and `learned-2` for the second at its place."""
         return numbered(self.name, self.number)
+
+    def another(self, number: int) -> "Effect":
+        """Return that of its name with this number at the same place; always the same object."""
+        return self if number == self.number else _another(self, number)
 
     @property
     def law_name(self) -> str:
@@ -227,6 +235,13 @@ class Effect(ABC):
     @abstractmethod
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the effect; `values` lie within the parameters' limits."""
+
+
+@cache
+def _another(effect: Effect, number: int) -> Effect:
+    made = copy(effect)
+    made.number = number
+    return made
 
 
 def layer_at(where: str) -> str:

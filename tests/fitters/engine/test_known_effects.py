@@ -12,6 +12,7 @@ from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask, TaskError
 from pzctl.fitters.plugins import load_fitter, run
+from pzctl.models.effects import Device, find_effect
 from pzctl.models.sweep import Sweep
 
 TEXT = THESIS_BUILD.read_text(encoding="utf-8")
@@ -76,6 +77,27 @@ def test_a_finding_is_written_to_the_build_and_read_again(
     with pytest.raises(BuildError, match="lead-inductance at terminals is given twice"):
         append_effects(build, diagnosis.effects)
     assert build.read_text(encoding="utf-8") == text
+
+
+def test_two_resonances_of_one_layer_are_found_and_written_to_the_build(tmp_path: Path) -> None:
+    lines = {2.6e6: 0.03, 4.9e6: 0.02}
+    section = '[[effects]]\neffect = "spurious-resonance"\nwhere = "layer:disk"\nstrength = {}\nstiffness = 0\n'
+    known = section.format(0.03) + "frequency_Hz = 2.6e6\nq = 60\nphase_rad = 0\n"
+    device = Device(stack_of(parse_build(TEXT), parse_build(TEXT).step("disk")))
+    for number, (frequency, strength) in enumerate(lines.items(), 1):
+        values = {"strength": strength, "frequency": frequency, "q": 60.0}
+        device = device.with_effect(find_effect("spurious-resonance").another(number), "layer:disk", values)
+    random = np.random.default_rng(4)
+    f = F[::2]
+    noise = 2e-4 * (random.normal(size=f.size) + 1j * random.normal(size=f.size))
+    sweeps = {"disk": (Sweep(f, device.impedance(f) * np.exp(noise)),)}
+    for stated in ("", known):  # one of them may be known beforehand
+        build = tmp_path / "build.toml"
+        build.write_text(TEXT + stated, encoding="utf-8")
+        diagnosis = diagnose(FitTask(parse_build(build.read_text("utf-8")), sweeps), effects=("spurious-resonance",))
+        append_effects(build, diagnosis.effects)
+        found = [one.values["frequency"].re for one in parse_build(build.read_text("utf-8")).effects]
+        assert sorted(found) == pytest.approx(sorted(lines), rel=1e-3)
 
 
 @pytest.mark.parametrize(
