@@ -56,7 +56,7 @@ class Hypothesis:
         """Logarithm of the marginal likelihood."""
         return self.fit.log_evidence + self.log_tails + self.log_volume
 
-    @property
+    @cached_property
     def log_prior(self) -> float:
         """Logarithm of the prior density of constants, sizes and errors, relative to its largest value."""
         return self.log_tails - 0.5 * self.fit.gram.before.q + self.fit.log_usual + self.log_bent
