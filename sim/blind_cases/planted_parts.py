@@ -14,6 +14,10 @@ from .waves import Complexes, Reals
 
 _CABLE = 50.0
 """ohm, characteristic impedance of a planted cable."""
+_LEFT_BY_FIXTURE = {"inductance": 1e-9, "resistance": 1e-2, "capacitance": 2e-14, "conductance": 3e-9}
+"""What open and short compensation of a fixture usually leaves: H, ohm, F, S."""
+_MORE = 5.0
+"""How many times as large a planted part is at least: a smaller one is what any fixture may leave."""
 _FINE = 8
 _BISECTIONS = 60
 
@@ -105,10 +109,10 @@ def moves(before: Complexes, after: Complexes) -> float:
 
 
 def sized(part: Part, f: Reals, z: Complexes, wanted: float) -> float | None:
-    """Return the size for which a part changes ln Z by the given root mean square, found by bisection.
+    """Return the size for which a part changes ln Z by the given root mean square, found by bisection, or a larger one.
 
-    None where no realistic size does: resonances drift by at most 0.3 % in a sweep, a filter lags by at most 0.2 % of
-    the frequency.
+    Larger where a fixture may leave as much. None where no realistic size does: resonances drift by at most 0.3 % in a
+    sweep, a filter lags by at most 0.2 % of the frequency.
     """
     typical = float(np.median(np.abs(z)))
     top = {
@@ -125,7 +129,7 @@ def sized(part: Part, f: Reals, z: Complexes, wanted: float) -> float | None:
     for _ in range(_BISECTIONS):
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if moves(z, part.apply(f, z, middle, False)) < wanted else (low, middle)
-    return float(np.sqrt(low * high))
+    return max(float(np.sqrt(low * high)), _MORE * _LEFT_BY_FIXTURE.get(part.size, 0.0))
 
 
 def alike(part: Part, f: Reals, z: Complexes, size: float) -> tuple[str, ...]:

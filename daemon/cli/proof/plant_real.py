@@ -19,12 +19,13 @@ from ....drivers.recordings import read_recording
 from ....models.base.errors import CannotError, PzctlError
 from ....models.sweep import Sweep
 from ....sim.blind_cases.case_files import seal
-from ....sim.blind_cases.planted_parts import PARTS, Part, alike, own_noise, sized
+from ....sim.blind_cases.planted_parts import PARTS, Part, alike, moves, own_noise, sized
 from ....sim.blind_cases.waves import Complexes, Reals
 from ...files.builds.build_file import parse_build
 
 _MOVES = 0.05, 0.3
-"""Range of the root mean square change of ln Z that a part makes; drawn uniformly in its logarithm."""
+"""Range of the root mean square change of ln Z that a part makes; drawn uniformly in its logarithm. More where a
+fixture may leave as much as that."""
 _IN_TIME = 0.2
 """Factor on this change for a drift or a lag."""
 _SUFFIXES = frozenset({".csv", ".txt", ".tsv", ".s1p", ".z1p", ".y1p"})
@@ -113,6 +114,7 @@ def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) 
     if size is None:
         return None
     name = f"{source.name}-{part.effect}"
+    changed = part.apply(f, z, size, False)
     if part.in_time:
         # two sweeps made from one recording would share its noise: add independent noise of the same size to each
         sigma = own_noise(z)
@@ -120,7 +122,7 @@ def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) 
             noise = sigma * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
             _write(source, cases / name, part.apply(f, z, size, down) * (1 + noise), k, down=down)
     else:
-        _write(source, cases / name, part.apply(f, z, size, False))
+        _write(source, cases / name, changed)
     return {
         "name": name,
         "kind": "planted",
@@ -130,7 +132,7 @@ def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) 
         "where": part.where,
         "parameter": part.size,
         "size": size,
-        "moves": wanted,
+        "moves": moves(z, changed),
         "alike": {other: part.others[other] for other in alike(part, f, z, size)},
     }
 
