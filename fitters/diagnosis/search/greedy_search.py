@@ -116,11 +116,12 @@ class GreedySearch(FittedHypotheses):
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it.
 
         Look-alikes are tried even where the budget is spent: a name that was compared with none of them is not sure.
+        Where nothing is left to explain, others explain as much only if their changes resemble those of an effect.
         """
         self._substituted.add(one.key)
         for effect in one.effects:
             rest = self.without(one, effect)
-            if rest.effects and not self.exhausted:
+            if rest.effects and not (self.exhausted or one.is_complete):
                 self.grow(rest, SUBSTITUTES, like=one)
             self._try_look_alikes(one, effect, rest)
         self.polish()
@@ -138,7 +139,7 @@ class GreedySearch(FittedHypotheses):
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
         plans = [self._near(one, found, rest) for found in chosen]
-        if rest.effects:  # alone, each has been fitted from afar
+        if rest.effects and not one.is_complete:  # alone, each has been fitted from afar
             plans += [plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one)]
         self.fit(plans)
 
