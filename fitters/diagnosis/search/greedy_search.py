@@ -206,6 +206,9 @@ class GreedySearch(FittedHypotheses):
         lists = self._screened(null)
         if lists[1]:
             self._likely = lists[1][0].candidate
+        if self.best.is_complete and self.best is not null:
+            self._fit_alone(self._of_each_kind(lists[0]))
+            return
         chosen = self._chosen(lists, null, FITTED_FIRST, choosy=False)
         self._fit_alone(chosen)
         if null.is_complete and self.best is null:
