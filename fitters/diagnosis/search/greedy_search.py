@@ -34,6 +34,9 @@ from .screening import ScreenedCandidate, screened
 _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
 
+_TRIED_ALONE = 2
+"""Largest number of effects for which one that stands for all of them has been tried: every effect is, alone."""
+
 
 @dataclass(eq=False)
 class GreedySearch(FittedHypotheses):
@@ -116,21 +119,26 @@ class GreedySearch(FittedHypotheses):
         """Fit the best hypothesis with each effect replaced: by look-alikes, and by others not yet tried beside it.
 
         Look-alikes are tried even where the budget is spent: a name that was compared with none of them is not sure.
-        Where nothing is left to explain, others explain as much only if their changes resemble those of an effect.
+        Where one or two effects leave nothing to explain, others explain as much only if their changes resemble those
+        of one of them; several together may also stand for one that has not been tried beside the rest.
         """
         self._substituted.add(one.key)
+        settled = one.is_complete and len(one.effects) <= _TRIED_ALONE
         for effect in one.effects:
             rest = self.without(one, effect)
-            if rest.effects and not (self.exhausted or one.is_complete):
+            if rest.effects and not (self.exhausted or settled):
                 self.grow(rest, SUBSTITUTES, like=one)
-            self._try_look_alikes(one, effect, rest)
+            self._try_look_alikes(one, effect, rest, near=settled)
         self.polish()
         first = self.probable[0]
         if first.key not in self._substituted and len(first.effects) >= len(one.effects) and not self.exhausted:
             self.substitute(first)
 
-    def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis) -> None:
-        """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them."""
+    def _try_look_alikes(self, one: Hypothesis, effect: Candidate, rest: Hypothesis, *, near: bool) -> None:
+        """Fit the effects that resemble one of a hypothesis in its place, though an error of the model hides them.
+
+        `near`: whether only from the constants of the hypothesis.
+        """
         # those that were tried beside the rest, too: from other constants they may have ended in another minimum
         left = [other for other in beside(rest.effects, self.candidates) if other.effect.name != effect.effect.name]
         alike: dict[str, ScreenedCandidate] = {}
@@ -139,7 +147,7 @@ class GreedySearch(FittedHypotheses):
                 alike.setdefault(found.candidate.effect.name, found)  # at the place where it resembles most
         chosen = list(alike.values())[:SUBSTITUTES]
         plans = [self._near(one, found, rest) for found in chosen]
-        if rest.effects and not one.is_complete:  # alone, each has been fitted from afar
+        if rest.effects and not near:  # alone, each has been fitted from afar
             plans += [plan for found in chosen for plan in self._plans(rest, found.candidate, [found], one)]
         self.fit(plans)
 
