@@ -41,14 +41,19 @@ class Drifting(Record):
         """Return the device with what its constants are at each point."""
         elapsed = device.conditions.elapsed(frequency.size)
         factors = {_LAWS[name]: np.asarray(1 + course(elapsed), np.complex128) for name, course in self.courses.items()}
-        stiffness = f"{self.layer}.c33D.re"
+        return at_each_point(device, self.layer, factors)
 
-        def moved(part: ParallelSection) -> ParallelSection:
-            # a layer that an effect has cut in two drifts as a whole
-            own = {name.partition(".")[0] for _, name, _ in part.moved_by([stiffness])}
-            return replace(part, stack=_with_factors(part.stack, own, factors))
 
-        return device.with_parts(tuple(map(moved, device.parts)))
+def at_each_point(device: Assembly, layer: str, factors: Mapping[str, Complexes]) -> Assembly:
+    """Return the device with laws of a piezoelectric layer (`c_law` ...) times these factors, shape (N,)."""
+    stiffness = f"{layer}.c33D.re"
+
+    def moved(part: ParallelSection) -> ParallelSection:
+        # a layer that an effect has cut in two changes as a whole
+        own = {name.partition(".")[0] for _, name, _ in part.moved_by([stiffness])}
+        return replace(part, stack=_with_factors(part.stack, own, factors))
+
+    return device.with_parts(tuple(map(moved, device.parts)))
 
 
 def _with_factors(stack: Stack, names: Collection[str], factors: Mapping[str, Complexes]) -> Stack:

@@ -16,9 +16,11 @@ _RAYLEIGH = 4 / (3 * pi)
 """Loss per softening of a Rayleigh loop."""
 USUAL_SOURCE = 25.0
 """Source resistance, ohm, of a recording that does not state it."""
+SOURCE = EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=USUAL_SOURCE, setting="source_ohm")
+"""Parameter of every effect that depends on the voltage at the device: the source resistance."""
 LOSS_AND_SOURCE = (
     EffectParameter("loss", "1", typical=0.4, upper=3.0, null=_RAYLEIGH, prior=(_RAYLEIGH, 0.3)),
-    EffectParameter("source", "ohm", typical=10.0, upper=100.0, null=USUAL_SOURCE, setting="source_ohm"),
+    SOURCE,
 )
 """Parameters of every effect that softens a layer: the loss per softening, and the source resistance."""
 _ROUNDS = 25
