@@ -63,7 +63,7 @@ class HalfSpace(Load):
 
 @dataclass(frozen=True)
 class Support(Load):
-    """A fixture, rubber pad or finger on a face: `resistance + stiffness/(jw) + jw mass`, each per area."""
+    """A fixture, rubber pad or finger on a face: `resistance + stiffness (1 + j loss)/(jw) + jw mass`, per area."""
 
     name: str
     resistance: float = 0.0
@@ -72,6 +72,8 @@ class Support(Load):
     """Pa/m."""
     mass: float = 0.0
     """kg/m2."""
+    loss: float = 0.0
+    """Loss tangent of the stiffness."""
 
     def __post_init__(self) -> None:
         for key, value in self.parameters().items():
@@ -79,8 +81,8 @@ class Support(Load):
                 raise StackError(f"load {self.name!r}: {key} is {value:g}; allowed is zero or a positive finite number")
 
     def parameters(self) -> dict[str, float]:
-        """Return `resistance` (Rayl), `stiffness` (Pa/m) and `mass` (kg/m2)."""
-        return {"resistance": self.resistance, "stiffness": self.stiffness, "mass": self.mass}
+        """Return `resistance` (Rayl), `stiffness` (Pa/m), `mass` (kg/m2) and `loss`."""
+        return {"resistance": self.resistance, "stiffness": self.stiffness, "mass": self.mass, "loss": self.loss}
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """Return the support with these parameters."""
@@ -89,12 +91,18 @@ class Support(Load):
     def impedance(self, frequency: Frequencies) -> ComplexLike:
         """Return the specific impedance in Rayl, shape (N,)."""
         omega = 2 * np.pi * frequency
-        return np.add(self.resistance, 1j * (omega * self.mass - self.stiffness / omega))
+        spring = self.stiffness / omega
+        return np.add(self.resistance + self.loss * spring, 1j * (omega * self.mass - spring))
 
     def gradients(self, frequency: Frequencies) -> Mapping[str, ComplexLike]:
         """Return d impedance / d parameter, shape (N,) where it depends on frequency."""
         omega = 2 * np.pi * frequency
-        return {"resistance": 1.0 + 0j, "stiffness": np.divide(-1j, omega), "mass": np.multiply(1j, omega)}
+        return {
+            "resistance": 1.0 + 0j,
+            "stiffness": np.divide(self.loss - 1j, omega),
+            "mass": np.multiply(1j, omega),
+            "loss": np.asarray(self.stiffness / omega, np.complex128),
+        }
 
 
 @dataclass(frozen=True)

@@ -154,6 +154,36 @@ def test_a_jig_equals_a_support_of_the_same_resistance_and_spring() -> None:
     close(Z.impedance(F), Stack((DISK,), Support("jig", 5e4, 1e12), AIR, AREA).impedance(F))
 
 
+def test_under_a_clip_the_face_moves_against_a_spring_with_loss() -> None:
+    """Against the wave equation, in which a spring is a negative mass, and in its limits: no clip, and one on all."""
+    stack, K, loss = Stack((DISK,), VACUUM, VACUUM, AREA), 2e14, 0.1
+    masses = -K * (1 + 1j * loss) / W**2
+    held = [shooting(lambda z: DISK.h33, f, mass_front=m) for f, m in zip(F, masses, strict=True)]
+    values = {"stiffness": K, "loss": loss}
+    Z = added("clamp", "face:front", stack, fraction=0.2, **values).impedance(F)
+    close(Z, 1 / (0.8 / stack.impedance(F) + 0.2 / np.array(held)), 2e-7)
+    both = added("clamp", "face:front", stack, fraction=0.5, **values)
+    spring = Spring("clip", K, 1 / loss)
+    ended = Stack((DISK, spring), VACUUM, HalfSpace("wall", 1e20), AREA).impedance(F)
+    close(both.impedance(F), 1 / (0.5 / stack.impedance(F) + 0.5 / ended), 1e-9)
+
+
+def test_a_clip_causes_a_satellite_above_the_resonance_and_a_dot_one_below() -> None:
+    """By Rayleigh's quotient: a spring K on one face of a half-wave resonator raises it by K/(w^2 rho t)."""
+    ceramic = Piezo("disk", 0.5e-3, 7700.0, 1.444e11 * (1 + 1e-4j), 1e7, 8.09e-9)  # hardly coupled: f_s is f_a
+    stack = Stack((ceramic,), VACUUM, VACUUM, AREA)
+    f0 = resonance(stack)
+    f = f0 * np.linspace(0.98, 1.02, 8001)
+    K = 0.01 * (2 * np.pi * f0) ** 2 * ceramic.density * ceramic.thickness
+    for name, values, side in (
+        ("clamp", {"stiffness": K, "loss": 0.0}, 0.01),
+        ("local-mass", {"mass": 0.01 * ceramic.density * ceramic.thickness, "dome": 0.05}, -0.01),
+    ):
+        change = (1 / added(name, "face:back", stack, fraction=0.1, **values).impedance(f)).real
+        change -= 0.9 * (1 / stack.impedance(f)).real
+        assert f[np.argmax(change)] / f0 - 1 == pytest.approx(side, rel=0.03)
+
+
 @pytest.mark.parametrize("exponent", [0.0, 0.5])
 def test_a_finite_backing_equals_a_long_layer_with_a_free_rear(exponent: float) -> None:
     """1/Q ~ f^n attenuates as f^(n+1), turns the impedance, and makes sound faster at high frequency."""

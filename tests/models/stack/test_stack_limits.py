@@ -130,7 +130,7 @@ def test_piston_radiation_equals_rayleighs(x: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "load", [Piston("water", 1.48e6, 1480.0, 0.2e-3), Support("jig", 3e4, 2e12, 0.02)], ids=lambda load: load.name
+    "load", [Piston("water", 1.48e6, 1480.0, 0.2e-3), Support("jig", 3e4, 2e12, 0.02, 0.1)], ids=lambda load: load.name
 )
 def test_derivatives_by_a_loads_parameters(load: Piston | Support) -> None:
     stack = Stack((DISK,), AIR, load)
