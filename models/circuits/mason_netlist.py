@@ -19,6 +19,7 @@ import numpy as np
 
 from ..base.arrays import Frequencies
 from ..base.errors import CannotError
+from ..stack.graded import sections_by_layer
 from ..stack.layers import Elastic, Piezo
 from ..stack.loads import HalfSpace, Load
 from ..stack.loss_laws import ComplexLike, LossLaw
@@ -115,7 +116,7 @@ def mason_netlist(stack: Stack, name: str, comments: tuple[str, ...] = (), at: f
     for k, layer in enumerate(exact.layers):
         part = f"{k}_" + re.sub(r"\W", "_", layer.name)
         lines += _PARTS[type(layer)](layer, part, (faces[k], faces[k + 1], *electric.get(k, ())), exact.area, at)
-    if exact.bolt is not None and (ends := exact.bolt.ends([layer.name for layer in exact.layers])):
+    if exact.bolt is not None and (ends := exact.bolt.ends(sections_by_layer(exact.layers))):
         lines.append(f"Lbolt {faces[ends[0]]} {faces[ends[1]]} {1 / exact.bolt.stiffness:.9g}")
     lines.append(f"Rfront {faces[-1]} 0 {_load(exact.front, exact.area):.9g}")
     return "\n".join((*lines, f".ends {title}", ""))

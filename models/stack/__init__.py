@@ -11,10 +11,12 @@
 
 `laws` describes how losses continue over frequency, `layers` and `lumps` are the elements of a stack, `loads` and
 `radiation` its terminations; `acoustic_line` is the wave in one layer, `active` adds the piezoelectric effect,
-`network` connects the layers, `slopes` differentiates; `strips` evaluates parallel stacks.
+`network` connects the layers, `slopes` differentiates; `strips` evaluates parallel stacks, `graded` is a layer whose
+constants change through its thickness.
 """
 
 from .bolt import Bolt
+from .graded import GradedPiezo
 from .layers import Elastic, Piezo
 from .loads import AIR, VACUUM, AnyLoad, HalfSpace, Load, Support
 from .loss_laws import CONSTANT, CausalConstantQ, ConstantLoss, LossLaw, PowerLoss, StackError, viscous
@@ -32,6 +34,7 @@ __all__ = [
     "CausalConstantQ",
     "ConstantLoss",
     "Elastic",
+    "GradedPiezo",
     "HalfSpace",
     "Layer",
     "Load",

@@ -1,5 +1,6 @@
 """A bolt that presses layers together: an elastic path parallel to them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -31,11 +32,11 @@ class Bolt:
         """Return the bolt with this stiffness, N/m."""
         return replace(self, stiffness=stiffness)
 
-    def ends(self, names: list[str]) -> tuple[int, int] | None:
-        """Return the interfaces of its ends in a row of these layers, or None if it has not both ends there."""
-        if self.behind not in names or self.before not in names:
+    def ends(self, sections: Mapping[str, range]) -> tuple[int, int] | None:
+        """Return the interfaces of its ends, or None if it has not both; `sections`: of each layer of the row."""
+        if self.behind not in sections or self.before not in sections:
             return None
-        ends = names.index(self.behind) + 1, names.index(self.before)
+        ends = sections[self.behind].stop, sections[self.before].start
         return ends if ends[0] < ends[1] else None
 
     def compliance(self, frequency: Frequencies, area: float) -> Complexes:

@@ -93,6 +93,8 @@ class Network:
         clamped: Complexes | float = sum((section.W for section in self.unpoled.values()), 0.0)
         if len(self.active) == 1 and self.path is None:
             return {self.first: 1.0}, clamped + self.active[self.first].self_impedance(*self.sources[self.first])
+        if not parallel and self.path is None:
+            return dict.fromkeys(self.active, 1.0), clamped + self._in_series()
         ports = self._ports()
         if self.path is not None:
             # The path takes up part of the motion t that each current causes between its ends.
@@ -104,6 +106,18 @@ class Network:
         shares = np.linalg.solve(ports, np.ones((*ports.shape[:-1], 1)))[..., 0]
         Z = 1.0 / shares.sum(axis=-1)
         return {k: shares[..., i] * Z for i, k in enumerate(self.active)}, Z
+
+    def _in_series(self) -> Complexes:
+        """Return the impedance of the piezoelectric layers with one current, ohm m2: by reciprocity, twice one way."""
+        total = sum(section.self_impedance(*self.sources[k]) for k, section in self.active.items())
+        travelling: ComplexLike = -self.sources[self.first][1]
+        for k in range(self.first + 1, self.last + 1):
+            share, passed = self.forward.share[k], travelling
+            travelling = travelling * self.sections[k].transmission(share)
+            if k in self.active:
+                total = total + 2.0 * self.active[k].open_circuit_voltage(self.forward.Z[k + 1], share) * passed
+                travelling = travelling - self.sources[k][1]
+        return np.asarray(total)
 
     def _ports(self) -> Complexes:
         """Return the impedance matrix of the piezoelectric layers as separate ports, ohm m2, shape (..., m, m)."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
 from .bolt import NAME, Bolt
+from .graded import GradedPiezo, sections_by_layer
 from .layers import Elastic, Gradient, Piezo
 from .loads import Load
 from .loss_laws import ComplexLike
@@ -28,7 +29,8 @@ class Slopes:
         self._network = network
         self._frequency = frequency
         self._field = network.field()
-        self._layers = {layer.name: (k, layer) for k, layer in enumerate(layers)}
+        self._layers = {layer.name: layer for layer in layers}
+        self._sections = sections_by_layer(layers)
         self._loads = loads
         self._known: dict[str, tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]] = {}
 
@@ -53,8 +55,10 @@ class Slopes:
         return (owner, quantity), weights[quantity], size
 
     def _layer(self, owner: str) -> tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]:
-        k, layer = self._layers[owner]
-        return self._network.weights(k, self._field), layer.gradients(self._frequency)
+        layer = self._layers[owner]
+        weights = [self._network.weights(k, self._field) for k in self._sections[owner]]
+        whole = layer.weights(weights) if isinstance(layer, GradedPiezo) else weights[0]
+        return whole, layer.gradients(self._frequency)
 
     def _load(self, side: str) -> tuple[Mapping[str, ComplexLike], Mapping[str, Gradient]]:
         v = self._field[0 if side == "back" else -1][0]

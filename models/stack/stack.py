@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Impedances
 from .bolt import NAME, Bolt
+from .graded import sections_by_layer
 from .layers import Elastic, Piezo
 from .loads import AIR, Load
 from .loss_laws import StackError, require_positive
@@ -136,7 +137,7 @@ class Stack:
 
     def path(self, frequency: Frequencies) -> Path | None:
         """Return the bolt at these frequencies (Hz), or None if there is none that acts."""
-        ends = None if self.bolt is None else self.bolt.ends([layer.name for layer in self.layers])
+        ends = None if self.bolt is None else self.bolt.ends(sections_by_layer(self.layers))
         if self.bolt is None or ends is None:
             return None
         return Path(*ends, self.bolt.compliance(frequency, self.area))

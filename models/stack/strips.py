@@ -8,6 +8,7 @@ import numpy as np
 from ..base.arrays import Complexes, Frequencies, Reals, j_omega
 from .acoustic_line import Line, one_minus_exp
 from .active import ActiveLine
+from .graded import GradedPiezo, sections_by_layer
 from .layers import Elastic, Piezo
 from .loss_laws import ComplexLike
 from .network import Network, Section
@@ -46,7 +47,7 @@ class Strips:
         total = np.zeros(frequency.size, np.complex128)
         slopes = np.zeros((len(names), frequency.size), np.complex128)
         moved = {name: self.moved_by[name]() for name in names if name in self.moved_by}
-        thickness, (_, layer) = f"{self.layer}.thickness", self._found(stack)
+        thickness, layer = f"{self.layer}.thickness", self._found(stack)
         for part, network in self._networks(stack, frequency):
             admittance = stack.area / network.Z
             total += self.fractions[part] @ admittance
@@ -70,21 +71,23 @@ class Strips:
 
     def _networks(self, stack: Stack, frequency: Frequencies) -> Iterator[tuple[slice, Network]]:
         """Yield slices of the strips, and their networks: quantities that depend on the thickness have shape (Q, N)."""
-        k, layer = self._found(stack)
+        layer = self._found(stack)
+        thin = layer.slices if isinstance(layer, GradedPiezo) else (layer,)
+        own = sections_by_layer(stack.layers)[layer.name]
         loads = stack.back.impedance(frequency), stack.front.impedance(frequency)
         sections = sections_of(stack.layers, frequency)
         path = stack.path(frequency)
         few = max(1, _TOGETHER // frequency.size)
         for at in range(0, self.factors.size, few):
             part = slice(at, min(at + few, self.factors.size))
-            sections[k] = _line(layer, frequency, self.factors[part, None])
+            sections[own.start : own.stop] = (_line(one, frequency, self.factors[part, None]) for one in thin)
             yield part, Network(sections, *loads, parallel=stack.connection == "parallel", path=path)
 
-    def _found(self, stack: Stack) -> tuple[int, Elastic | Piezo]:
-        """Return index and layer of varied thickness. Raises KeyError if a stack has no such layer."""
-        for k, layer in enumerate(stack.layers):
+    def _found(self, stack: Stack) -> Elastic | Piezo:
+        """Return the layer of varied thickness. Raises KeyError if a stack has no such layer."""
+        for layer in stack.layers:
             if layer.name == self.layer and isinstance(layer, Elastic | Piezo):
-                return k, layer
+                return layer
         raise KeyError(f"no layer {self.layer!r} with a thickness in the stack")
 
 
