@@ -250,7 +250,13 @@ def _effects(posed: FitSetup, choices: Choices) -> tuple[Candidate, ...]:
         if candidate in selected:
             raise FitError(f"effect {name!r} at {where!r} is chosen twice; choose it once")
         selected.append(candidate)
-    return tuple(selected)
+    return tuple(map(_without_priors, selected))
+
+
+def _without_priors(candidate: Candidate) -> Candidate:
+    """Return a candidate without the parameters that only their priors tell from others."""
+    told = tuple(knob for knob in candidate.effect_parameters if not knob.needs_prior)
+    return replace(candidate, effect_parameters=told)
 
 
 def _sizes(

@@ -31,7 +31,7 @@ def _section(spec: EffectSpec, build: Build) -> str:
     lines += [f"steps = [{steps}]"] if steps else []
     lines += [f'{key} = "{value}"' for key, value in (("quantity", spec.quantity), ("law", spec.law)) if value]
     lines += [f"reference_Hz = {spec.reference:.9g}"] if spec.reference else []
-    for knob in knobs:
+    for knob in (one for one in knobs if one.name in spec.values):
         value = spec.values[knob.name]
         lines.append(f"{parameter_key(knob)} = {{ value = {value.re:.9g}, u = {value.u:.3g} }}")
     return "\n".join([*lines, ""])

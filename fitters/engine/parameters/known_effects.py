@@ -1,7 +1,7 @@
 """Effects stated in a build: part of the model of its steps, with fitted parameters."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar, cast, get_args
 
 import numpy as np
@@ -152,6 +152,8 @@ def _known(spec: EffectSpec, stacks: Mapping[str, Stack], number: int) -> KnownE
     for name in spec.values:
         if name not in keys:
             raise KnownEffectError(f"{effect.name}: {name!r} is none of its parameters: {', '.join(keys)}")
+    absent = {knob.name: Quantity(knob.null) for knob in may_be_left_out(knobs)}
+    spec = replace(spec, values={**absent, **spec.values})
     for knob in knobs:
         if knob.name not in spec.values:
             needed = [keys[one.name] for one in knobs if one not in may_be_left_out(knobs)]

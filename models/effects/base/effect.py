@@ -75,6 +75,9 @@ class EffectParameter:
     varies: bool = False
     """Whether it may change smoothly with frequency, though its formula does not say so, apart from the effect's size:
     a dot of solder is not everywhere as high, and a connector is no cable."""
+    needs_prior: bool = False
+    """Whether little but its prior tells it from other parameters of the effect: a fit by hand, which has no priors,
+    leaves it at null."""
     setting: str = ""
     """The setting of a recording that gives its null value, if there is one."""
 

@@ -79,6 +79,26 @@ def test_a_finding_is_written_to_the_build_and_read_again(
     assert build.read_text(encoding="utf-8") == text
 
 
+def test_the_delay_of_a_fixture_is_fitted_where_a_build_states_it_and_may_be_left_out(tmp_path: Path) -> None:
+    residual = '[[effects]]\neffect = "fixture-residual"\nwhere = "terminals"\ninductance_H = 0\nresistance_ohm = 0\n'
+    residual += "skin_ohm = 0\ncapacitance_F = 0\nconductance_S = 0\n"
+    stated = parse_build(TEXT + residual + "delay_s = { value = 1e-10, u = 1e-10 }\n")
+    build, delay = parse_build(TEXT), 3.2e-10
+    line = 50j * np.tan(2 * np.pi * F * delay)
+    disk = stack_of(build, build.step("disk")).impedance(F)
+    seen = (disk + line) / (1 + disk * line / 50**2)
+    sweeps = {"disk": (Sweep(F, seen * np.exp(2e-4 * np.random.default_rng(4).normal(size=F.size))),)}
+    found = run(load_fitter("mason"), FitTask(stated, sweeps)).constants["fixture-residual@terminals.delay"]
+    assert found.re == pytest.approx(delay, rel=0.02)
+    without = run(load_fitter("mason"), FitTask(parse_build(TEXT + residual), sweeps))
+    assert without.constants["fixture-residual@terminals.delay"].re == 0
+    diagnosis = diagnose(FitTask(build, sweeps), effects=("fixture-residual",))
+    (tmp_path / "build.toml").write_text(TEXT, encoding="utf-8")
+    append_effects(tmp_path / "build.toml", diagnosis.effects)
+    (spec,) = parse_build((tmp_path / "build.toml").read_text("utf-8")).effects
+    assert spec.values["inductance"].re + 50 * spec.values["delay"].re == pytest.approx(50 * delay, rel=0.1)
+
+
 def test_two_resonances_of_one_layer_are_found_and_written_to_the_build(tmp_path: Path) -> None:
     lines = {2.6e6: 0.03, 4.9e6: 0.02}
     section = '[[effects]]\neffect = "spurious-resonance"\nwhere = "layer:disk"\nstrength = {}\nstiffness = 0\n'

@@ -40,6 +40,23 @@ def test_a_fixtures_residual_is_a_lead_behind_a_stray_capacitance() -> None:
     np.testing.assert_allclose(seen("fixture-residual", "terminals", GLUED, resistance=-0.05), bare - 0.05, rtol=1e-12)
 
 
+def test_a_forgotten_port_extension_is_a_line_of_50_ohm_at_the_device() -> None:
+    """Against a ladder of short pieces, and for one much shorter than the wavelength against the sum of these."""
+    delay, pieces, jw = 2e-9, 20000, 2j * np.pi * F
+    Z = GLUED.impedance(F)
+    for _ in range(pieces):
+        half = Z + jw * 50 * delay / pieces / 2
+        Z = half / (1 + half * jw * delay / pieces / 50) + jw * 50 * delay / pieces / 2
+    Z = Z / (1 + 1e-5 * Z) + 0.1
+    found = seen("fixture-residual", "terminals", GLUED, delay=delay, conductance=1e-5, resistance=0.1)
+    np.testing.assert_allclose(found, Z, rtol=1e-7)
+    short = 1e-11
+    lumped = seen("fixture-residual", "terminals", GLUED, inductance=50 * short, capacitance=short / 50)
+    line = seen("fixture-residual", "terminals", GLUED, delay=short)
+    change = np.max(np.abs(line / GLUED.impedance(F) - 1))
+    assert np.max(np.abs(line / lumped - 1)) < 0.01 * change
+
+
 def test_an_analyzers_error_is_the_same_part_of_any_impedance() -> None:
     for stack in (GLUED, WET):
         wrong = seen("analyzer-error", "sweep", stack, gain=0.01, phase=0.02) / stack.impedance(F)
