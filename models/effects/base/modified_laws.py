@@ -72,6 +72,38 @@ class LossExponent(ModifiedLaw):
 
 
 @dataclass(frozen=True)
+class Scatter(ModifiedLaw):
+    """M(f) = base + M' loss [D(x) - Re D(1)]/Im D(1), D = -u^2/(1 - u^2 + j u/q), u = x/end, x = f/reference.
+
+    Far below `end` the loss grows as x^3 and the stiffness falls as x^2, as the inertia of small grains does. With
+    q = 2/pi it falls as the Kramers-Kronig relations say of a loss ~ x^3 that ends there. Causal and passive.
+    """
+
+    loss: float = 0.0
+    """Loss tangent added at the reference."""
+    end: float = 1.0
+    """Where the loss ceases to grow."""
+
+    def over(self, value: complex, frequency: Frequencies) -> ComplexLike:
+        """Return the constant at frequencies in Hz, shape (N,)."""
+        return self.base.over(value, frequency) + value.real * self._added(frequency)
+
+    def derivatives(self, value: complex, frequency: Frequencies) -> Mapping[str, ComplexLike]:
+        """Return d constant / d `re`, `im` and the base's own parameters, shape (N,)."""
+        slopes = dict(self.base.derivatives(value, frequency))
+        slopes["re"] = slopes["re"] + self._added(frequency)
+        return slopes
+
+    def _added(self, frequency: Frequencies) -> Complexes:
+        at_one = complex(self._resonator(np.ones(1))[0])
+        return self.loss * (self._resonator(frequency / self.reference) - at_one.real) / at_one.imag
+
+    def _resonator(self, x: Reals) -> Complexes:
+        u = x / self.end
+        return np.divide(-u * u, 1 - u * u + 0.5j * np.pi * u, dtype=np.complex128)
+
+
+@dataclass(frozen=True)
 class Slope(ModifiedLaw):
     """eps(f) = x^(-slope) [eps' - j eps'' x^loss], x = f/reference: permittivity and loss tangent as power laws."""
 

@@ -24,7 +24,7 @@ DESIGN = {
     "drive-nonlinearity", "sweep-lag", "polarity", "ageing", "electrode-sheet", "viscous-load",
     "piezoelectric-dispersion", "fixture-residual", "analyzer-error", "vessel-echo", "piston-radiation",
     "partial-layer", "closing-void", "curing", "glue-meniscus", "field-nonlinearity", "self-heating",
-    "clamp", "temperature-gradient",
+    "clamp", "temperature-gradient", "scatter",
 }  # fmt: skip
 WHERES = ("terminals", "sweep", "face:back", "face:front", "layer:", "interface:")
 F = np.linspace(1e6, 15e6, 120)

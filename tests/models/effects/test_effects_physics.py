@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad_vec, solve_ivp
+from scipy.integrate import quad, quad_vec, solve_ivp
 from scipy.optimize import brentq
 
 from pzctl.models.effects import Conditions, Device, find_effect
@@ -442,3 +442,39 @@ def test_a_strong_drift_uses_the_device_at_each_points_time(time: float) -> None
         stiffness = DISK.c33D * (1 + 4e-3 * (1 - np.exp(-k / 400 / time)) / (1 - np.exp(-1 / time)))
         then = BARE.replace({"disk.c33D.re": stiffness.real, "disk.c33D.im": stiffness.imag})
         close(drifted[k : k + 1], then.impedance(f[k : k + 1]), 2e-4)
+
+
+def scattering(frequency: np.ndarray, loss: float, end: float) -> np.ndarray:
+    """Return the stiffness of ml1 with scatter, relative to its real part at the resonance, minus its own."""
+    device = added("scatter", "layer:ml1", GLUED, loss=loss, end=end)
+    layer = next(one for one in device.assembly.stack.layers if one.name == "ml1")
+    return layer.law.over(layer.c33, frequency) / ML1.c33.real - complex(1, 1 / ML1.q)
+
+
+def test_scatter_attenuates_as_the_fourth_power_of_frequency_and_is_causal() -> None:
+    """Loss tangent ~ f^3 far below its end; the real part is that of Kramers and Kronig, by a principal value."""
+    f0, loss, end = resonance(GLUED), 2e-3, 4.0
+    assert scattering(np.array([f0]), loss, end)[0] == pytest.approx(1j * loss, rel=1e-12)
+    low = scattering(f0 * np.array([0.1, 0.2]), loss, end).imag
+    assert np.log2(low[1] / low[0]) == pytest.approx(3.0, abs=0.02)
+    grown = np.imag(scattering(f0 * np.array([0.02]), loss, end))[0] / 0.02**3  # the loss over x^3
+    fall = scattering(f0 * np.array([0.02, 0.04]), loss, end).real
+    assert (fall[1] - fall[0]) / (0.04**2 - 0.02**2) == pytest.approx(-2 / np.pi * end * grown, rel=0.01)
+
+    def imaginary(x: float) -> float:
+        return float(scattering(f0 * np.array([x]), loss, end)[0].imag)
+
+    def real(x: float) -> float:
+        near = quad(lambda y: y * imaginary(y) / (y + x), 0, 10, weight="cauchy", wvar=x)[0]
+        return -2 / np.pi * (near + quad(lambda y: y * imaginary(y) / (y * y - x * x), 10, np.inf)[0])
+
+    for x in (0.5, 2.0, 5.0):
+        expected = real(x) - real(1.0)
+        assert scattering(f0 * np.array([x]), loss, end)[0].real == pytest.approx(expected, rel=1e-4)
+
+
+def test_scatter_is_a_lower_q_at_one_frequency() -> None:
+    f0 = np.array([resonance(GLUED)])
+    lossy = replace(GLUED, layers=(DISK, GLUE, replace(ML1, q=1 / (1 / ML1.q + 0.01))))
+    close(added("scatter", "layer:ml1", GLUED, loss=0.01).impedance(f0), lossy.impedance(f0))
+    assert find_effect("scatter").places(GLUED) == ("layer:glue1", "layer:ml1")
