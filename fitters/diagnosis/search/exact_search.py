@@ -100,7 +100,8 @@ def _extended(
     hopeless = not promises or _hopeless(parent, promises[0].gain)
     if hopeless and not (parent.effects and hoping):
         return []
-    chosen = [one for one in promises if one.absorbed and parent.fit.shortfall > 0]
+    missing = parent.fit.shortfall > 0 or not parent.fit.sizes.exact  # its errors hide what is
+    chosen = [one for one in promises if one.absorbed and missing]
     chosen += [one for one in promises[:most] if one.gain > WORTH and one not in chosen and not hopeless]
     starts = [(one.candidate, start) for one in chosen for start in (one.starts[:1] if hopeless else one.starts)]
     ends = on_cores([partial(_end, problem, parent, one, start) for one, start in starts], jobs)
