@@ -180,11 +180,13 @@ def _ways_to_leave(left: float, usual: float) -> tuple[float, float]:
     return float((1 - ODDS) * good), float(ODDS * other)
 
 
-def beside(effects: Sequence[Candidate], candidates: Sequence[Candidate]) -> list[Candidate]:
+def beside(effects: Sequence[Candidate], candidates: Sequence[Candidate], *, exact: bool = False) -> list[Candidate]:
     """Return the candidates that can stand beside these effects.
 
-    None of an effect at a place where one of them is, or a further one if there can be several; and of those that
-    divide the face into strips only one: the strips of two would multiply.
+    None of an effect at a place where one of them is; and of those that divide the face into strips only one: the
+    strips of two would multiply. `exact`: whether there are no errors but white noise; then a further one can be at the
+    same place if there may be several. Otherwise weak lines are among the errors, and further resonances of one layer
+    would describe what the formula of a dot leaves of its satellite.
     """
     taken: dict[tuple[str, str], set[int]] = {}
     for one in effects:
@@ -193,7 +195,7 @@ def beside(effects: Sequence[Candidate], candidates: Sequence[Candidate]) -> lis
     left: list[Candidate] = []
     for one in candidates:
         there = taken.get((one.effect.name, one.where), set())
-        if (there and not one.effect.several) or (divided and one.effect.divides):
+        if (there and not (exact and one.effect.several)) or (divided and one.effect.divides):
             continue
         number = next(k for k in count(one.effect.number) if k not in there)
         left.append(replace(one, effect=one.effect.another(number)) if there else one)

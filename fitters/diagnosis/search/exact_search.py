@@ -94,7 +94,7 @@ def _extended(
     """
     if len(parent.effects) == MOST:
         return []
-    as_noise, *_, as_exact = screened(problem, parent, beside(parent.effects, candidates), jobs)
+    as_noise, *_, as_exact = screened(problem, parent, beside(parent.effects, candidates, exact=True), jobs)
     promises = as_exact if parent.fit.sizes.exact else as_noise
     most = EXACT_LATER if parent.effects else EXACT_FIRST
     hopeless = not promises or _hopeless(parent, promises[0].gain)

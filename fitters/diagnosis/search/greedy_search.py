@@ -140,7 +140,8 @@ class GreedySearch(FittedHypotheses):
         `near`: whether only from the constants of the hypothesis.
         """
         # those that were tried beside the rest, too: from other constants they may have ended in another minimum
-        left = [other for other in beside(rest.effects, self.candidates) if other.effect.name != effect.effect.name]
+        possible = beside(rest.effects, self.candidates, exact=one.fit.exact)
+        left = [other for other in possible if other.effect.key != effect.effect.key]
         alike: dict[str, ScreenedCandidate] = {}
         for found in resembling(self.problem, one, effect, rest, left):
             if found.gain > RESEMBLING:
@@ -153,7 +154,7 @@ class GreedySearch(FittedHypotheses):
 
     def _beside(self, parent: Hypothesis) -> list[Candidate]:
         """Return the candidates that have not been tried beside a hypothesis."""
-        left = beside(parent.effects, self.candidates)
+        left = beside(parent.effects, self.candidates, exact=parent.fit.exact)
         return [one for one in left if frozenset((*parent.effects, one)) not in self.found]
 
     def relocate(self, one: Hypothesis) -> None:
