@@ -31,7 +31,7 @@ F = np.linspace(1e6, 15e6, 120)
 WIDE = np.geomspace(40.0, 110e6, 120)
 WEIGHTS, STEPS = np.array([-1, 9, -45, 45, -9, 1]) / 60, (-3, -2, -1, 1, 2, 3)
 APPROXIMATE = {"sweep-lag": 1e-2, "drive-nonlinearity": 1e-3, "field-nonlinearity": 3e-3}
-"""Accuracy of derivatives where the memory has few delays, the softening is found by iteration, or the field is kept."""
+"""Accuracy of derivatives where the memory has few delays, softening is found by iteration, or the field is kept."""
 LINEAR = [effect for effect in catalogue() if effect.stage < Stage.ACQUISITION]
 
 
