@@ -95,8 +95,9 @@ class Certainties:
         """Return, by effect, the probability that it and not an unnamed cause changes ln Z in a hypothesis.
 
         Between two causes of random shape the odds are the ratio of their squared sizes, where each point is weighted
-        by the effect's squared size there. The formula of a larger effect of the same name may be wrong as usual: a
-        small second dot of solder is another cause of what the formula of the first leaves.
+        by the effect's squared size there. The formula of a larger effect of the same name may be wrong as usual, and
+        where it errs near resonances, too, a second dot of solder cannot be told from what the formula of the first
+        leaves.
         """
         if one not in self._itself:
             powers = powers_of(self.search.problem, one)
@@ -111,7 +112,9 @@ class Certainties:
         """
         power = powers[effect]
         of_its_name = (own for its, own in powers.items() if its.effect.name == effect.effect.name)
-        larger = (own for own in of_its_name if float(own.sum()) > float(power.sum()))
+        larger = [own for own in of_its_name if float(own.sum()) > float(power.sum())]
+        if larger and effect.effect.errs_roughly and not one.fit.exact:
+            return 0.0
         other = sum((SHAPE**2 * own for own in larger), one.unexplained_at)
         share = _ratio(power, other)
         if share > 1 - TOLD:
