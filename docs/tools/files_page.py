@@ -55,6 +55,8 @@ _QUEUE = """
 The file that `pzctl measure --queue` reads; see [A production lab](production.md).
 """
 
+_SEVERAL = "A place has an effect once, but may have several resonances (`spurious-resonance`) and learned laws:"
+
 
 def page() -> str:
     """Return the page as Markdown."""
@@ -78,7 +80,7 @@ def page() -> str:
     parts += [_table(keys.DERIVED_KEYS), "## `[measurement]`", _table(keys.MEASUREMENT_ENTRIES)]
     parts += ["Any other key holds a text or a number.", "## `[[effects]]`", _table(keys.EFFECT_ENTRIES)]
     left_out = "one that does nothing at an end of its range may be left out"
-    parts += [f"An effect's parameters; one with `u` is fitted, {left_out}:", _effects()]
+    parts += [f"An effect's parameters; one with `u` is fitted, {left_out}.", _SEVERAL, _effects()]
     parts += [_MATERIALS, "## `[[materials]]`", _table(keys.MATERIAL_ENTRIES), "At least one constant is needed."]
     parts += ['With `kind = "piezo"`:', _table(keys.material_keys("piezo"))]
     parts += ["With another kind:", _table(keys.material_keys("elastic"))]
