@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from ..stack import Elastic, LossLaw, Stack
 from .base.assembly import Assembly
 from .base.effect import Effect, EffectParameter, Stage, layer_at
-from .base.modified_laws import Scatter as ScatterLaw
-from .base.modified_laws import with_stiffness_law
+from .base.modified_laws import GrainScatter, with_stiffness_law
 from .base.scale import resonance
 
 _USUAL_END = 3.0
@@ -49,8 +48,8 @@ class Scatter(Effect):
         if loss <= 0:
             return assembly
 
-        def grainy(law: LossLaw) -> ScatterLaw:
-            return ScatterLaw(law, reference, loss, end)
+        def grainy(law: LossLaw) -> GrainScatter:
+            return GrainScatter(law, reference, loss, end)
 
         return assembly.each_stack(lambda stack: with_stiffness_law(stack, layer_at(where), grainy))
 

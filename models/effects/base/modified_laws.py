@@ -72,7 +72,7 @@ class LossExponent(ModifiedLaw):
 
 
 @dataclass(frozen=True)
-class Scatter(ModifiedLaw):
+class GrainScatter(ModifiedLaw):
     """M(f) = base + M' loss [D(x) - Re D(1)]/Im D(1), D = -u^2/(1 - u^2 + j u/q), u = x/end, x = f/reference.
 
     Far below `end` the loss grows as x^3 and the stiffness falls as x^2, as the inertia of small grains does. With
