@@ -78,6 +78,8 @@ PARENTS = 3
 SUBSTITUTES = 3
 """Budget: substitutes fitted for each effect of the best hypothesis: as many that promise most, and look-alikes. Also
 effects that explain most alone, fitted beside one that hides them."""
+TRIED_ALONE = 2
+"""Largest number of effects for which one that stands for all of them has been tried: every effect is, alone."""
 RESEMBLING = 0.5
 """Correlation with an effect, after projecting out the constants, from which another is fitted in its place."""
 RIVALS = 6

@@ -10,13 +10,12 @@ from ..stack import Stack, Support
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage
 from .base.modified_loads import resting_on
+from .base.part_of_face import FRACTION, satellite
 from .base.scale import acoustic_impedance, resonance
 
 _STIFFNESSES = tuple(np.geomspace(0.01, 10.0, 36).tolist())
 """Stiffness in units of 2 pi f0 Z0 of the active layer: each causes a satellite at its own frequency, so start values
 must lie closer than a linewidth for a fit to converge."""
-_RESTING = 0.3
-"""The same while the effect is absent: a tip of 0.2 mm on a ceramic, 2 E/(pi a), is about as stiff at 4 MHz."""
 _USUAL_LOSS = 0.05
 
 
@@ -43,19 +42,9 @@ class Clamp(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return the part of the area under the clip, its stiffness per area in Pa/m, and its loss tangent."""
         unit = 2 * np.pi * resonance(stack) * acoustic_impedance(stack)
-        scan = tuple(size * unit for size in _STIFFNESSES)
         return (
-            EffectParameter("fraction", "1", typical=0.01, upper=0.5, prior=(0.03, 1.3)),
-            EffectParameter(
-                "stiffness",
-                "Pa/m",
-                typical=0.1 * unit,
-                lower=1e-3 * unit,
-                upper=100 * unit,
-                null=_RESTING * unit,
-                scan=scan,
-                varies=True,
-            ),
+            FRACTION,
+            satellite("stiffness", "Pa/m", unit, _STIFFNESSES),
             EffectParameter("loss", "1", typical=0.05, upper=1.0, null=_USUAL_LOSS, prior=(_USUAL_LOSS, 0.1)),
         )
 

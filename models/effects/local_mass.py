@@ -12,14 +12,13 @@ from ..stack import Elastic, Stack, Strips
 from .base.added_layer import with_layer_on_piezo
 from .base.assembly import Assembly, ParallelSection
 from .base.effect import Effect, EffectParameter, Stage
+from .base.part_of_face import FRACTION, satellite
 from .base.scale import areal_mass
 
 _HEIGHTS = tuple(np.geomspace(0.005, 3.0, 36).tolist())
 """Mass of a dot per area relative to that of the disk: 0.3 is 0.15 mm of solder on 0.5 mm of PZT. Each causes a
 satellite
 at its own frequency, so start values must lie closer than a linewidth for a fit to converge."""
-_RESTING = 0.3
-"""The same while the effect is absent."""
 _RIGID, _SOLDER, _SOFTEST = 1e9, 2e7, 3e6
 """Acoustic impedance of a dot that is practically rigid, of solder, and of the softest one, a resin; Rayl."""
 _FLATTEST, _USUAL_DOME, _CAP = 0.05, 0.3, 1.0
@@ -65,20 +64,9 @@ class LocalMass(Effect):
         A dot of little impedance is no rigid mass: it acts as Z tan(w m/Z)/w, more at high frequencies. The last one
         is the half range of its height, relative to the mean: 0 is flat, 1 a cap that ends in a sharp rim.
         """
-        unit = areal_mass(stack)
-        scan = tuple(height * unit for height in _HEIGHTS)
         return (
-            EffectParameter("fraction", "1", typical=0.01, upper=0.5, prior=(0.03, 1.3)),
-            EffectParameter(
-                "mass",
-                "kg/m2",
-                typical=0.1 * unit,
-                lower=1e-3 * unit,
-                upper=100 * unit,
-                null=_RESTING * unit,
-                scan=scan,
-                varies=True,
-            ),
+            FRACTION,
+            satellite("mass", "kg/m2", areal_mass(stack), _HEIGHTS),
             EffectParameter(
                 "impedance", "Rayl", typical=_SOLDER, lower=_SOFTEST, upper=_RIGID, null=_RIGID, scan=(_SOLDER,)
             ),

@@ -7,7 +7,7 @@ The charge per area is the same in all slices, so that of a graded permittivity 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from .layers import Elastic, Piezo
 from .loss_laws import ComplexLike
 from .lumps import Mass, Spring
 
+_Layer = TypeVar("_Layer", bound=Piezo | Elastic | Spring | Mass)
 SLICES = 24
 """Number of slices of a graded layer."""
 
@@ -65,7 +66,7 @@ class GradedPiezo(Piezo):
         return {**total, "h33": sum(own["h33"] * share for own, share in zip(of_slices, shares, strict=True))}
 
 
-def slices_of(layer: Piezo | Elastic | Spring | Mass) -> Sequence[Piezo | Elastic | Spring | Mass]:
+def slices_of(layer: _Layer) -> Sequence[_Layer | Piezo]:
     """Return the slices of a graded layer, back to front, or the layer itself."""
     return layer.slices if isinstance(layer, GradedPiezo) else (layer,)
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..base.arrays import Complexes, Frequencies, Reals, j_omega
 from .acoustic_line import Line, one_minus_exp
 from .active import ActiveLine
-from .graded import GradedPiezo, sections_by_layer
+from .graded import sections_by_layer, slices_of
 from .layers import Elastic, Piezo
 from .loss_laws import ComplexLike
 from .network import Network, Section
@@ -72,7 +72,6 @@ class Strips:
     def _networks(self, stack: Stack, frequency: Frequencies) -> Iterator[tuple[slice, Network]]:
         """Yield slices of the strips, and their networks: quantities that depend on the thickness have shape (Q, N)."""
         layer = self._found(stack)
-        thin = layer.slices if isinstance(layer, GradedPiezo) else (layer,)
         own = sections_by_layer(stack.layers)[layer.name]
         loads = stack.back.impedance(frequency), stack.front.impedance(frequency)
         sections = sections_of(stack.layers, frequency)
@@ -80,7 +79,9 @@ class Strips:
         few = max(1, _TOGETHER // frequency.size)
         for at in range(0, self.factors.size, few):
             part = slice(at, min(at + few, self.factors.size))
-            sections[own.start : own.stop] = (_line(one, frequency, self.factors[part, None]) for one in thin)
+            sections[own.start : own.stop] = (
+                _line(one, frequency, self.factors[part, None]) for one in slices_of(layer)
+            )
             yield part, Network(sections, *loads, parallel=stack.connection == "parallel", path=path)
 
     def _found(self, stack: Stack) -> Elastic | Piezo:

@@ -118,9 +118,9 @@ def _planted(source: Source, part: Part, cases: Path, rng: np.random.Generator) 
     if part.in_time:
         # two sweeps made from one recording would share its noise: add independent noise of the same size to each
         sigma = own_noise(z)
-        for k, down in enumerate((False, True)):
+        for k, swept in enumerate((changed, part.apply(f, z, size, True))):
             noise = sigma * (rng.standard_normal(f.size) + 1j * rng.standard_normal(f.size))
-            _write(source, cases / name, part.apply(f, z, size, down) * (1 + noise), k, down=down)
+            _write(source, cases / name, swept * (1 + noise), k, down=k == 1)
     else:
         _write(source, cases / name, changed)
     return {

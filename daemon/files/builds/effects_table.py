@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any, cast
 
 from ....fitters.engine.parameters.assembly import effects_of, stack_of
-from ....fitters.engine.parameters.known_effects import effect_parameters, may_be_left_out, parameter_key
+from ....fitters.engine.parameters.known_effects import completed, effect_parameters, parameter_key
 from ....models.base.errors import PzctlError
 from ....models.build import Build, EffectSpec, Quantity
 from .build_table import BuildError, Table
@@ -38,9 +38,8 @@ def _effect(build: Build, table: Table) -> EffectSpec:
         raise BuildError(f"{table.source}: {table.path}: {error}") from None
     keys = {parameter_key(knob): knob.name for knob in knobs}
     table.only((*EFFECT_ENTRIES, *keys))
-    absent = {knob.name: Quantity(knob.null, source="build.toml") for knob in may_be_left_out(knobs)}
     given = {name: _quantity(table, key) for key, name in keys.items() if key in table.data}
-    return replace(spec, values={**absent, **given})
+    return completed(replace(spec, values=given), knobs, "build.toml")
 
 
 def _quantity(table: Table, key: str) -> Quantity:

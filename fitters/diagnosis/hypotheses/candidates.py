@@ -61,13 +61,15 @@ def candidates_of(problem: Problem, effect: Effect) -> list[Candidate]:
             continue
         beyond = _FLANK if any(knob.name == "q" and knob.upper > SHARP for knob in effect_parameters) else 0.0
         effect_parameters = tuple(_recorded(problem, knob, beyond) for knob in effect_parameters)
-        known = max(_known(devices[step], effect, where) for step in steps)
-        open_steps = [step for step in steps if effect.several or not _known(devices[step], effect, where)]
+        known = {step: _known(devices[step], effect, where) for step in steps}
+        open_steps = [step for step in steps if effect.several or not known[step]]
         if effect.from_later_step:
             groups = [tuple(open_steps[k:]) for k in range(1, len(open_steps))]
         else:
             groups = step_groups(where, open_steps) if open_steps else []
-        found += [Candidate(effect.another(known + 1), where, group, effect_parameters) for group in groups]
+        found += [
+            Candidate(effect.another(1 + max(known.values())), where, group, effect_parameters) for group in groups
+        ]
     return found
 
 

@@ -19,6 +19,7 @@ from ..decision_rules import (
     RESEMBLING,
     SOFT,
     SUBSTITUTES,
+    TRIED_ALONE,
     WORTH,
 )
 from ..hypotheses.condensed_recordings import condensed
@@ -33,9 +34,6 @@ from .screening import ScreenedCandidate, screened
 
 _APART = 0.03
 """Relative difference of two resonance frequencies from which they are looked at as two: one step of the scan."""
-
-_TRIED_ALONE = 2
-"""Largest number of effects for which one that stands for all of them has been tried: every effect is, alone."""
 
 
 @dataclass(eq=False)
@@ -123,7 +121,7 @@ class GreedySearch(FittedHypotheses):
         of one of them; several together may also stand for one that has not been tried beside the rest.
         """
         self._substituted.add(one.key)
-        settled = one.is_complete and len(one.effects) <= _TRIED_ALONE
+        settled = one.is_complete and len(one.effects) <= TRIED_ALONE
         for effect in one.effects:
             rest = self.without(one, effect)
             if rest.effects and not (self.exhausted or settled):

@@ -101,6 +101,12 @@ def may_be_left_out(knobs: Sequence[EffectParameter]) -> list[EffectParameter]:
     return [knob for knob in knobs[1:] if knob.null in (knob.lower, knob.upper)]
 
 
+def completed(spec: EffectSpec, knobs: Sequence[EffectParameter], source: str = "") -> EffectSpec:
+    """Return what a build states of an effect, with those of its parameters at null that may be left out."""
+    absent = {knob.name: Quantity(knob.null, source=source) for knob in may_be_left_out(knobs)}
+    return replace(spec, values={**absent, **spec.values})
+
+
 def effect_parameters(
     spec: EffectSpec, stacks: Mapping[str, Stack], number: int = 1
 ) -> tuple[Effect, tuple[EffectParameter, ...]]:
@@ -152,8 +158,7 @@ def _known(spec: EffectSpec, stacks: Mapping[str, Stack], number: int) -> KnownE
     for name in spec.values:
         if name not in keys:
             raise KnownEffectError(f"{effect.name}: {name!r} is none of its parameters: {', '.join(keys)}")
-    absent = {knob.name: Quantity(knob.null) for knob in may_be_left_out(knobs)}
-    spec = replace(spec, values={**absent, **spec.values})
+    spec = completed(spec, knobs)
     for knob in knobs:
         if knob.name not in spec.values:
             needed = [keys[one.name] for one in knobs if one not in may_be_left_out(knobs)]

@@ -18,6 +18,7 @@ from ...base.face_loads import HasFaces, Load
 from ...base.model import Model
 from ...stack import LossLaw, Stack, Strips
 from ...stack.loss_laws import ComplexLike, LawKind
+from .last_made import LastMade
 
 
 @dataclass(frozen=True)
@@ -404,20 +405,11 @@ class Assembly:
 class Record(ABC):
     """What a sweep makes of a device: its readings are the steady impedances times a factor."""
 
-    _last: list[tuple[Assembly, Frequencies, Complexes]] = field(
-        default_factory=list[tuple[Assembly, Frequencies, Complexes]], init=False, repr=False
-    )
-    """One-entry cache of the factor, by device and frequency."""
+    _factors: LastMade[Complexes] = field(default_factory=LastMade[Complexes], init=False, repr=False)
 
     def factor(self, device: Assembly, frequency: Frequencies) -> Complexes:
         """Return the recorded impedance over the steady one, shape (N,)."""
-        for last, where, known in self._last:
-            if last is device and where is frequency:
-                return known
-        made = self.computed(device, frequency)
-        if not frequency.flags.writeable:
-            self._last[:] = [(device, frequency, made)]
-        return made
+        return self._factors.of(device, frequency, lambda: self.computed(device, frequency))
 
     @abstractmethod
     def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:

@@ -8,6 +8,7 @@ import numpy as np
 from ...base.arrays import Complexes, Frequencies, Impedances, Reals
 from .assembly import Assembly, Record
 from .drifting import at_each_point
+from .last_made import LastMade
 
 _ROUNDS = 25
 _SETTLED = 1e-12
@@ -109,10 +110,7 @@ class Heating(Record):
     """Thermal time constant, in durations of the step's first sweep."""
     source: float
     """Resistance, ohm."""
-    _courses: list[tuple[Assembly, Frequencies, _Course]] = field(
-        default_factory=list[tuple[Assembly, Frequencies, _Course]], init=False, repr=False
-    )
-    """One-entry cache of the course of heat, by device and frequency."""
+    _courses: LastMade[_Course] = field(default_factory=LastMade[_Course], init=False, repr=False)
 
     def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
         """Return the recorded impedance over the steady one, shape (N,)."""
@@ -149,9 +147,9 @@ class Heating(Record):
         return _Memory.of(device.conditions.elapsed(frequency.size), self.time)
 
     def _course(self, device: Assembly, frequency: Frequencies) -> _Course:
-        for last, where, known in self._courses:
-            if last is device and where is frequency:
-                return known
+        return self._courses.of(device, frequency, lambda: self._agreeing(device, frequency))
+
+    def _agreeing(self, device: Assembly, frequency: Frequencies) -> _Course:
         memory, size = self.memory(device, frequency), max(abs(self.stiffness), abs(self.permittivity))
         heat = np.zeros(frequency.size)
         for _ in range(_ROUNDS):
@@ -159,13 +157,9 @@ class Heating(Record):
             missing = memory.missing(course.warm.power, heat)
             step = memory.follows(missing, np.real(course.warm.per_log * course.by_heat))
             if size * np.max(np.abs(step)) < _SETTLED:
-                break
+                return course
             heat = heat + step
-        else:
-            course = self._with_slope(device, frequency, heat, memory)
-        if not frequency.flags.writeable:
-            self._courses[:] = [(device, frequency, course)]
-        return course
+        return self._with_slope(device, frequency, heat, memory)
 
     def _with_slope(self, device: Assembly, frequency: Frequencies, heat: Reals, memory: _Memory) -> _Course:
         """Return the device with this heat, and what a little more of it would change."""

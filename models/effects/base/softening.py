@@ -10,6 +10,7 @@ from ...base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...stack import Piezo, Stack
 from .assembly import Assembly, Record
 from .effect import EffectParameter
+from .last_made import LastMade
 from .modified_laws import Factor, with_stiffness_law
 
 _RAYLEIGH = 4 / (3 * pi)
@@ -78,10 +79,7 @@ class Softening(Record):
     """Resistance, ohm."""
     power: float = 1.0
     """p."""
-    _agreed: list[tuple[Assembly, Frequencies, _Agreed]] = field(
-        default_factory=list[tuple[Assembly, Frequencies, _Agreed]], init=False, repr=False
-    )
-    """One-entry cache of the softening, by device and frequency."""
+    _agreed: LastMade[_Agreed] = field(default_factory=LastMade[_Agreed], init=False, repr=False)
 
     def computed(self, device: Assembly, frequency: Frequencies) -> Complexes:
         """Return the recorded impedance over the steady one, shape (N,)."""
@@ -110,17 +108,14 @@ class Softening(Record):
 
     def _at_rest(self, device: Assembly, frequency: Frequencies) -> _Agreed:
         """Return the softening where it no longer changes, shape (N,)."""
-        for last, where, known in self._agreed:
-            if last is device and where is frequency:
-                return known
+        return self._agreed.of(device, frequency, lambda: self._agreement(device, frequency))
+
+    def _agreement(self, device: Assembly, frequency: Frequencies) -> _Agreed:
         soft = _self_consistent(lambda soft: self.softened(device, frequency, soft).wanted, frequency.size)
         there, near = (self.softened(device, frequency, one) for one in (soft, soft + _SLIGHTLY))
         by_soft = (near.Z / there.Z - 1) / _SLIGHTLY
         stability = 1 - (near.wanted - there.wanted) / _SLIGHTLY
-        made = _Agreed(soft, there, by_soft, np.maximum(stability, _LEAST_STABLE))
-        if not frequency.flags.writeable:
-            self._agreed[:] = [(device, frequency, made)]
-        return made
+        return _Agreed(soft, there, by_soft, np.maximum(stability, _LEAST_STABLE))
 
     def _softer(self, device: Assembly, soft: Reals) -> Assembly:
         """Return the device with the layer's stiffness times 1 - soft (1 - j loss), shape (N,)."""

@@ -99,6 +99,21 @@ def test_the_delay_of_a_fixture_is_fitted_where_a_build_states_it_and_may_be_lef
     assert spec.values["inductance"].re + 50 * spec.values["delay"].re == pytest.approx(50 * delay, rel=0.1)
 
 
+def test_a_lead_is_found_in_a_step_where_the_build_states_none() -> None:
+    build, random = (
+        parse_build(TEXT + LEAD.replace('"terminals"', '"terminals"\nsteps = ["ml1"]')),
+        np.random.default_rng(1),
+    )
+    f, sweeps = F[::2], dict[str, tuple[Sweep, ...]]()
+    for step, inductance in (("disk", 6e-8), ("ml1", 5e-8)):
+        noise = 2e-4 * (random.normal(size=f.size) + 1j * random.normal(size=f.size))
+        Z = stack_of(build, build.step(step)).impedance(f) + 2j * np.pi * f * inductance
+        sweeps[step] = (Sweep(f, Z * np.exp(noise)),)
+    (found,) = diagnose(FitTask(build, sweeps), effects=("lead-inductance",)).findings
+    assert (found.effect, found.step) == ("lead-inductance", "disk")
+    assert found.parameters["inductance"].value == pytest.approx(6e-8, rel=0.02)
+
+
 def test_a_resonance_is_found_beside_one_that_the_build_states(tmp_path: Path) -> None:
     lines = {2.6e6: 0.03, 4.9e6: 0.02}
     section = '[[effects]]\neffect = "spurious-resonance"\nwhere = "layer:disk"\nstrength = {}\nstiffness = 0\n'
