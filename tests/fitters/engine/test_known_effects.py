@@ -9,6 +9,10 @@ from pzctl.daemon.files.builds.build_file import THESIS_BUILD, build_from_json, 
 from pzctl.daemon.files.builds.build_table import BuildError
 from pzctl.daemon.files.builds.effects_writing import append_effects
 from pzctl.fitters.diagnosis.diagnose import diagnose
+from pzctl.fitters.diagnosis.hypotheses.candidates import candidates
+from pzctl.fitters.diagnosis.hypotheses.hypothesis import fitted
+from pzctl.fitters.diagnosis.hypotheses.problem import Problem
+from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask, TaskError
 from pzctl.fitters.plugins import load_fitter, run
@@ -109,9 +113,12 @@ def test_a_lead_is_found_in_a_step_where_the_build_states_none() -> None:
         noise = 2e-4 * (random.normal(size=f.size) + 1j * random.normal(size=f.size))
         Z = stack_of(build, build.step(step)).impedance(f) + 2j * np.pi * f * inductance
         sweeps[step] = (Sweep(f, Z * np.exp(noise)),)
-    (found,) = diagnose(FitTask(build, sweeps), effects=("lead-inductance",)).findings
-    assert (found.effect, found.step) == ("lead-inductance", "disk")
-    assert found.parameters["inductance"].value == pytest.approx(6e-8, rel=0.02)
+    problem = Problem.of(solve(FitTask(build, sweeps), lambda _: None), None)
+    (one,) = candidates(problem, ("lead-inductance",))
+    found = fitted(problem, (one,), problem.values)
+    assert one.steps == ("disk",)
+    assert found.values[one.parameters[0]] == pytest.approx(6e-8, rel=0.02)
+    assert found.values["lead-inductance@terminals.inductance"] == pytest.approx(5e-8, rel=0.02)
 
 
 def test_a_resonance_is_found_beside_one_that_the_build_states(tmp_path: Path) -> None:
