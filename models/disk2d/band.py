@@ -12,6 +12,7 @@ Three steps, each exact up to higher orders:
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy.linalg import orth
@@ -214,9 +215,12 @@ class Band:
         """
         squared, times = (2 * np.pi * self.frequency) ** 2, len(force) // self.frequency.size
         at, squared = np.tile(self._at, (times, 1)), np.tile(squared, times)
-        matrices, mass = self._system
-        made = _by_poles(matrices, mass, at, force, squared) if len(matrices) == _NODES.size else None
-        return made or _by_each(matrices, mass, at, force, squared)
+        made = None if self._poles is None else self._poles.answer(at, force, squared)
+        return made or _by_each(*self._system, at, force, squared)
+
+    @cached_property
+    def _poles(self) -> "_Poles | None":
+        return _Poles.of(*self._system) if len(self._system[0]) == _NODES.size else None
 
     @cached_property
     def _system(self) -> tuple[Complexes, Numbers]:
@@ -357,36 +361,50 @@ def _lagrange(x: Reals) -> Reals:
     return made
 
 
-def _by_poles(
-    matrices: Complexes, mass: Complexes, at: Reals, force: Complexes, squared: Reals
-) -> tuple[Complexes, Complexes] | None:
-    """Return y = -(A(f) - squared mass)^-1 force, shape (N, m), and y (A - squared mass) y + 2 y force, shape (N,).
+@dataclass(frozen=True, eq=False)
+class _Poles:
+    """Poles of a projected disk amid its band, and what changes between them over the band."""
 
-    By poles; None where that does not converge.
-    """
-    poles, vectors = np.linalg.eig(np.linalg.solve(mass, matrices[1]))
-    norm = np.einsum("ik,ik->k", vectors, mass @ vectors)
-    if np.any(np.abs(norm) < 1e-6 * np.abs(norm).max()):
+    shapes: Complexes
+    """As columns over the shapes of the band, orthonormal by mass, shape (m, m)."""
+    diagonal: Complexes
+    """Stiffness of each pole at each node, shape (3, m)."""
+    coupled: Complexes
+    """Stiffness between poles at the lowest and at the highest node, without `diagonal`, shape (2, m, m)."""
+
+    @classmethod
+    def of(cls, matrices: Complexes, mass: Numbers) -> Self | None:
+        """Return the poles for the stiffness at each node, shape (3, m, m); None where they nearly coincide."""
+        poles, vectors = np.linalg.eig(np.linalg.solve(mass, matrices[1]))
+        norm = np.einsum("ik,ik->k", vectors, mass @ vectors)
+        if np.any(np.abs(norm) < 1e-6 * np.abs(norm).max()):
+            return None
+        X = vectors / np.sqrt(norm)
+        moved = np.array([X.T @ M @ X for M in matrices])
+        diagonal = np.einsum("mii->mi", moved).copy()
+        if np.abs(moved[1] - np.diag(diagonal[1])).max() > 1e-6 * np.abs(poles).max():
+            return None
+        for one in moved:
+            np.fill_diagonal(one, 0.0)
+        return cls(X, diagonal, moved[::2])
+
+    def answer(self, at: Reals, force: Complexes, squared: Reals) -> tuple[Complexes, Complexes] | None:
+        """Return y = -(A(f) - squared mass)^-1 force, shape (N, m), and y (A - squared mass) y + 2 y force, (N,).
+
+        `at`: weight of each node, shape (N, 3). None where what couples the poles is too large for an iteration.
+        """
+        own = at @ self.diagonal - squared[:, None]
+        drive = -(force @ self.shapes)
+        y = drive / own
+        for _ in range(_ROUNDS):
+            coupled = at[:, [0]] * (y @ self.coupled[0]) + at[:, [2]] * (y @ self.coupled[1])
+            after = (drive - coupled) / own
+            change = np.abs(after - y).max(axis=1) / np.maximum(np.abs(after).max(axis=1), _TINY)
+            if change.max() < _TOLERANCE:
+                # stationary: of this y the form is right to the square of the change
+                return after @ self.shapes.T, np.einsum("ni,ni->n", y, own * y + coupled - 2 * drive)
+            y = after
         return None
-    X = vectors / np.sqrt(norm)
-    moved = np.array([X.T @ M @ X for M in matrices])
-    diagonal = np.einsum("mii->mi", moved).copy()
-    if np.abs(moved[1] - np.diag(diagonal[1])).max() > 1e-6 * np.abs(poles).max():
-        return None
-    own = at @ diagonal - squared[:, None]
-    for k in range(3):
-        np.fill_diagonal(moved[k], 0.0)
-    drive = -(force @ X)
-    y = drive / own
-    for _ in range(_ROUNDS):
-        coupled = at[:, [0]] * (y @ moved[0]) + at[:, [2]] * (y @ moved[2])
-        after = (drive - coupled) / own
-        change = np.abs(after - y).max(axis=1) / np.maximum(np.abs(after).max(axis=1), _TINY)
-        if change.max() < _TOLERANCE:
-            # stationary: of this y the form is right to the square of the change
-            return after @ X.T, np.einsum("ni,ni->n", y, own * y + coupled - 2 * drive)
-        y = after
-    return None
 
 
 def _by_each(

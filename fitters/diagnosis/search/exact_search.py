@@ -36,14 +36,14 @@ def exact_hypotheses(
     # one that is continued may become less probable than the one that was the best before: each is extended once
     extended: set[frozenset[Candidate]] = set()
     while best.key not in extended:
-        missing = best.fit.shortfall
+        before, missing = best, best.fit.shortfall
         for rank, parent in enumerate(_parents(found, best, extended)):
             continued = _continued(problem, parent)
             extended.add(parent.key)
             found[parent.key] = continued
             best = _take(found, _extended(problem, continued, candidates, jobs, hoping=rank == 0))
-        if _hopeless(best, missing - best.fit.shortfall):
-            break
+        if _hopeless(best, missing - best.fit.shortfall) or (missing == 0 and best.log_weight < before.log_weight + WORTH):
+            break  # more will not be enough, or there was nothing left to explain
     return [one for one in found.values() if one.log_weight > start.log_weight - NEAR]
 
 
