@@ -55,7 +55,7 @@ class Disk2D:
     damping: float = 0.0
     """The disk is computed at frequencies f (1 - j damping/2): every loss tangent is larger by this much."""
     rough: bool = False
-    """Accurate to a thousandth or so, at half the cost: for a search."""
+    """Accurate to a thousandth or so, at half the cost: for a search. Faces that are not alike count by their mean."""
     loadable: Callable[[], LoadableDisk] | None = field(default=None, compare=False, repr=False)
     """Gives the reduced disk on whose faces dots can lie, for a like D/t as `reduced`; None: `faces` can be loaded."""
     odd: Callable[[], ReducedDisk] | None = field(default=None, compare=False, repr=False)
@@ -218,7 +218,8 @@ class Disk2D:
 
     def _over_rising(self, frequency: Frequencies) -> "SolvedDisk | DottedDisk":
         if not self.dots or self.loadable is None:
-            return solved(self.reduced, self.shape, self.over(frequency), frequency, self.rough, self.faces, self.odd)
+            odd = None if self.rough else self.odd  # antisymmetric motion is of second order in what is on the faces
+            return solved(self.reduced, self.shape, self.over(frequency), frequency, self.rough, self.faces, odd)
         for known in self._known:
             own, alike = known.rising, replace(known.disk, dots=self.dots) == self
             if alike and isinstance(own, DottedDisk) and np.array_equal(own.bare.frequency, frequency):

@@ -10,7 +10,7 @@ from disk_build import disk_build
 
 from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.drivers.recordings import read_recording
-from pzctl.fitters.diagnosis.inference.disk_with_wires import disk_with_wires
+from pzctl.fitters.diagnosis.inference.disk_beside import disk_beside
 from pzctl.fitters.disk.two_d.disk2d import Disk2DFitter, disk_result, finite_disk
 from pzctl.fitters.disk.two_d.disk_fit import fitted_disk
 from pzctl.fitters.disk.two_d.disk_under_diagnosis import with_effects
@@ -87,8 +87,7 @@ def test_two_effects_are_found_one_after_the_other_beside_a_finite_diameter():
     Z = Disk2D("disk", complex_ceramic.TENSOR, np.pi * 25e-6, 1e-3, 7700.0, reduced, law).impedance(f)
     rng = np.random.default_rng(1)
     noise = np.exp(2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size)))
-    wired = 1 / (1 / Z + 2j * np.pi * f * 60e-12) + 2j * np.pi * f * 60e-9 + 1.0
+    wired = 1 / (1 / Z + 1 / 2e3) + 2j * np.pi * f * 60e-9
     task = FitTask(disk_build(10, 1, 7700), {"disk": (Sweep(f, wired * noise),)})
-    found = disk_with_wires(task, 1.0, lambda _: None, 1)
-    assert found is not None
-    assert [one.effect.name for one in found.beside] == ["lead-inductance", "series-resistance"]
+    found = disk_beside(task, 1.0, lambda _: None, 1, 1.0)
+    assert [one.effect.name for one in found.beside] == ["lead-inductance", "leakage"]

@@ -85,27 +85,31 @@ class DiskBeside:
     """Effects of the whole."""
 
 
-def disk_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> DiskBeside | None:
+def alone_with_wires(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> DiskBeside | None:
     """Return the disk fitted alone, and with the effects at its terminals and in its laws that it seems to have.
 
-    With an effect the disk alone may end anywhere, so that no effect added there helps; it is then also searched for
-    with a lead and a stray capacitance, which act as most effects at the terminals do, and with electrodes. None if
-    neither leaves less than NEAR.
+    None if it leaves more than `hopeless` or NEAR of ln Z (rms) alone: with an effect it may end anywhere.
     """
     alone = _attempt(task, min(NEAR, hopeless), jobs, None)
-    near = None
-    if alone is not None:
-        near = with_terminals(alone, alone, progress, jobs)
-        if _is_described(near):
-            return near
+    return None if alone is None else with_terminals(alone, alone, progress, jobs)
+
+
+def together_with_wires(
+    task: FitTask, alone: FittedDisk | None, progress: Callable[[str], None], jobs: int
+) -> DiskBeside | None:
+    """Return the same as searched for with a lead, a stray capacitance and electrodes from the beginning.
+
+    A lead and a capacitance act as most effects at the terminals do; the right one is then looked for from the disk's
+    constants beside them. `alone`: the disk without effects, if it is known. None if more than NEAR is left.
+    """
     progress("fitting the disk in two dimensions together with its wires")
     disk = bare_disk(task, NAME, round_one=True, frees=True)
     joint = _attempt(task, NEAR, jobs, partial(_together, stack_of(disk.build, disk.build.step(disk.step))))
     if joint is None:
-        return near
+        return None
     base = _without(joint, [name for name, _, _ in _TOGETHER])
     found, _ = joint.descent.objective.coordinates.forward(joint.descent.x)
-    return _better(with_terminals(alone or with_effects(base, Outside()), base, progress, jobs, found), near)
+    return with_terminals(alone or with_effects(base, Outside()), base, progress, jobs, found)
 
 
 def wide_disk_with_wires(
@@ -119,7 +123,7 @@ def wide_disk_with_wires(
     promising = min(hopeless, max(NEAR, _FIRST * of_plate))
     alone = fitted_disk(task, _ROUNDS, enough=promising, hopeless=promising, jobs=jobs)
     near = with_terminals(alone, alone, progress, jobs)
-    return near if _is_described(near) else _better(of_random_ceramics(task, hopeless, progress, jobs), near)
+    return near if is_described(near) else better([near, of_random_ceramics(task, hopeless, progress, jobs)])
 
 
 def of_random_ceramics(task: FitTask, hopeless: float, progress: Callable[[str], None], jobs: int) -> DiskBeside:
@@ -131,14 +135,15 @@ def of_random_ceramics(task: FitTask, hopeless: float, progress: Callable[[str],
     return with_terminals(alone, alone, progress, jobs)
 
 
-def _is_described(found: DiskBeside) -> bool:
+def is_described(found: DiskBeside) -> bool:
     """Return whether the fit needs no other start."""
     left = left_by(found.whole)
     return left < _ERRING or (left < DESCRIBED and chi2_alone(found.whole) < _FOUND)
 
 
-def _better(one: DiskBeside, other: DiskBeside | None) -> DiskBeside:
-    return min((one, other or one), key=lambda found: chi2_alone(found.whole))
+def better(found: Sequence[DiskBeside]) -> DiskBeside:
+    """Return the one that leaves least."""
+    return min(found, key=lambda one: chi2_alone(one.whole))
 
 
 def _attempt(task: FitTask, enough: float, jobs: int, outside: Callable[[Disk2D], Outside] | None) -> FittedDisk | None:

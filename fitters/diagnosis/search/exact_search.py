@@ -31,7 +31,7 @@ def exact_hypotheses(
     if begun is None:
         return []
     found, best = {begun.key: begun}, begun
-    if begun.astray:  # what is missing has led its constants to where nothing promises it any more
+    if begun.astray and begun.fit.shortfall > 0:  # what is missing has led its constants to where nothing promises it
         best = _take(found, _extended(problem, start, candidates, jobs))
     # one that is continued may become less probable than the one that was the best before: each is extended once
     extended: set[frozenset[Candidate]] = set()

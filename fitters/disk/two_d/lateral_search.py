@@ -96,4 +96,4 @@ def searched(
 
 
 def _cost(ranking: Objective, starts: Sequence[Reals]) -> list[float]:
-    return [float(np.sum(ranking.residual(x) ** 2)) for x in starts]
+    return [ranking.cost(x) for x in starts]
