@@ -92,10 +92,25 @@ def _has_coordinates(tensor: Tensor6mm) -> bool:
 
 
 def expected(layer: LayerSpec) -> dict[str, float]:
-    """Return the real parts of the ten constants of the layer's material, else the library's mean; SI units."""
+    """Return the real parts of the ten constants of the layer's material, SI units.
+
+    Of a material that is known in thickness alone, the constants of its thickness mode with the others of the library's
+    mean in proportion (see `AXIAL`).
+    """
     tensor = _tensor(layer.values)
     sets = [tensor] if tensor is not None else list(library().values())
-    return {name: float(np.mean([complex(getattr(each, name)).real for each in sets])) for name in CONSTANTS}
+    usual = {name: float(np.mean([complex(getattr(each, name)).real for each in sets])) for name in CONSTANTS}
+    own = _axial(layer.values) if tensor is None else {}
+    kinds = {name: AXIAL.get(name, name) for name in CONSTANTS}
+    return {name: usual[name] * own[kind] / usual[kind] if own else usual[name] for name, kind in kinds.items()}
+
+
+def _axial(values: Mapping[str, Quantity]) -> dict[str, float]:
+    """Return the real parts of c33E, e33 and eps33S from the constants of the thickness mode; empty without these."""
+    if any(name not in values for name in ("c33D", "h33", "eps33S")):
+        return {}
+    c33D, h33, eps33S = (values[name].re for name in ("c33D", "h33", "eps33S"))
+    return {"c33E": c33D - h33**2 * eps33S, "e33": h33 * eps33S, "eps33S": eps33S}
 
 
 def unusual(layer: LayerSpec, found: Tensor6mm) -> tuple[str, ...]:

@@ -13,15 +13,18 @@ from pzctl.fitters.disk.two_d.disk_fit import FittedDisk
 from pzctl.fitters.disk.two_d.disk_under_diagnosis import plate_of
 from pzctl.fitters.disk.two_d.reduced_disk_cache import reduced_disk
 from pzctl.fitters.disk.two_d.tensor_coordinates import COORDINATES, tensor_block
+from pzctl.fitters.disk.two_d.tensor_start import expected
 from pzctl.fitters.engine.descent import Descent
 from pzctl.fitters.engine.objective import Objective
 from pzctl.fitters.engine.parameters.coordinates import Coordinates, positive
 from pzctl.fitters.interface import FitError, FitTask
+from pzctl.models.build import LayerSpec
 from pzctl.models.constants.passivity import passivity_margin
 from pzctl.models.constants.tensor import Tensor6mm
 from pzctl.models.disk2d.disk_model import Disk2D
 from pzctl.models.disk2d.matrices import CONSTANTS
 from pzctl.models.effects.base.scale import resonance
+from pzctl.models.materials import find
 from pzctl.models.stack import CausalConstantQ
 from pzctl.models.sweep import Sweep
 
@@ -136,3 +139,12 @@ def test_disks_and_recordings_out_of_reach_are_refused(given, says):
     C = 8e-9 * given.area.re / given.layers[0].values["thickness"].re
     with pytest.raises(FitError, match=says):
         Disk2DFitter().fit(FitTask(given, {"disk": (Sweep(f, 1 / (2j * np.pi * f * C)),)}))
+
+
+def test_a_material_known_in_thickness_alone_is_expected_to_have_its_own_axial_constants():
+    alone, whole = (expected(LayerSpec("disk", "piezo", find(name).values)) for name in ("PZT-5H", "PZT-5A"))
+    soft = find("PZT-5H").values
+    assert alone["e33"] == pytest.approx(soft["h33"].re * soft["eps33S"].re)
+    assert alone["c33E"] == pytest.approx(soft["c33D"].re - soft["h33"].re * alone["e33"])
+    # what it shares with other ceramics are the ratios to these
+    assert alone["e15"] / alone["e33"] == pytest.approx(whole["e15"] / whole["e33"], rel=0.3)
