@@ -39,6 +39,8 @@ _FROZEN = (
     "The constants of earlier steps were frozen: their errors went into the later ones, whose uncertainties do not "
     "include them."
 )
+_VANISHED = 1e-6
+# Part of the uncertainty that a build states, below which a fitted parameter of an effect has come to its limit.
 _MENTION = 0.9
 _WIDE, _GROSS, _PROMINENT = 40.0, 0.02, 0.01
 # Diameter/thickness above which a disk is a plate; RMS log error that radial overtones leave; part of the largest
@@ -80,6 +82,20 @@ def fitted_constants(
     for name, knob in (parameter for one in effects for parameter in one.parameters):
         constants[name] = Constant(values[name], 0.0, u(name), 0.0, knob.unit, free=u(name) != 0)
     return constants
+
+
+def _at_an_end(
+    effects: Sequence[KnownEffect], free: tuple[str, ...], constants: Mapping[str, Constant]
+) -> tuple[str, ...]:
+    """Return the fitted parameters of effects that ended at a limit: a coordinate has no slope there, so u is 0."""
+    ended: list[str] = []
+    for one in effects:
+        for name, knob in one.parameters:
+            least = _VANISHED * one.spec.values[knob.name].u
+            near = min(constants[name].re - knob.lower, knob.upper - constants[name].re) <= least
+            if name in free and near and (constants[name].u_re or 0.0) <= least:
+                ended.append(name)
+    return tuple(ended)
 
 
 def strong_correlations(names: tuple[str, ...], covariance: Reals) -> tuple[tuple[str, str, float], ...]:
@@ -133,12 +149,16 @@ def least_squares_answer(fitter: str, version: str, solution: Solution, options:
     noise = max(solution.noises.values(), key=lambda n: n.relative)
     effects = effects_of(solution.build, solution.noises)
     constants = fitted_constants(layers, values, coordinates.parameters, covariance, effects=effects)
+    ended = _at_an_end(effects, coordinates.free, constants)
+    constants |= {name: replace(constants[name], u_re=None, free=True) for name in ended}
     whole = covariance if told is None else told.with_held
     derived = derived_constants(layers, values, coordinates.parameters, whole)
     curves = curves_of(objective, coordinates.inverse(solution.begun), result.x)
     says = verdict(result, solution.build, curves, noise.relative, told)
     highest = max(float(recording.sweep.frequency[-1]) for recording in objective.recordings)
     says += separability(layers, values, coordinates.parameters, covariance, derived, highest)
+    if ended:
+        says += (f"At an end of its range, where its uncertainty is not known: {', '.join(ended)}.",)
     if options.procedure == "frozen" and len(solution.noises) > 1:
         says += (_FROZEN,)
     if options.uncertainty == "profile":

@@ -76,8 +76,12 @@ def _tell(done: dict[str, str], *, as_json: bool) -> None:
 
 
 def _described(effect: "Effect") -> dict[str, Any]:
-    """Return the catalogue's entry of an effect as plain data; sizes and places are those of an example device."""
+    """Return the catalogue's entry of an effect as plain data; sizes and places are those of an example device.
+
+    A parameter of an effect that no build can state has no `key`.
+    """
     from ....fitters.engine.parameters.known_effects import parameter_key
+    from ....models.effects import Stage
     from ....models.effects.learned.user_law import UserLaw
 
     stack, device = _example(effect)
@@ -94,7 +98,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
         "parameters": [
             {
                 "name": parameter.name,
-                "key": parameter_key(parameter),
+                "key": parameter_key(parameter) if effect.stage != Stage.ACQUISITION else None,
                 "unit": parameter.unit,
                 "null": parameter.null,
                 "typical": parameter.typical,
@@ -149,11 +153,17 @@ def _page(described: dict[str, Any]) -> "Table":
         ("says", described["says"]),
         ("told apart by", described["separates"]),
         (f"typical on {described['device']}", "\n".join(map(_size, described["parameters"])) or "there or not"),
-        ("keys in [[effects]] of a build", ", ".join(one["key"] for one in described["parameters"])),
+        ("keys in [[effects]] of a build", _keys(described)),
         ("references", "\n".join(described["references"])),
     ):
         page.add_row(heading, text)
     return page
+
+
+def _keys(described: dict[str, Any]) -> str:
+    """Return how a build states the effect; one of a sweep belongs to no sample."""
+    keys = [one["key"] for one in described["parameters"] if one["key"] is not None]
+    return ", ".join(keys) or "none: it belongs to a sweep, not to a sample"
 
 
 def _size(parameter: dict[str, Any]) -> str:

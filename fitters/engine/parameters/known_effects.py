@@ -140,7 +140,8 @@ def _of_catalogue(spec: EffectSpec) -> Effect:
 def _learned(spec: EffectSpec, stack: Stack, number: int) -> Effect:
     known = get_args(corrections.OfSample)
     if spec.quantity not in known:
-        raise KnownEffectError(f"{NAME}: quantity is {spec.quantity!r}; {among(spec.quantity, list(known))}")
+        found = repr(spec.quantity) if spec.quantity else "missing"
+        raise KnownEffectError(f"{NAME}: quantity is {found}; {among(spec.quantity, list(known))}")
     place = corrections.Place(spec.where, cast(corrections.OfSample, spec.quantity))
     if place not in corrections.places(stack):
         there = [one.where for one in corrections.places(stack) if one.quantity == spec.quantity]
@@ -164,10 +165,12 @@ def _known(spec: EffectSpec, stacks: Mapping[str, Stack], number: int) -> KnownE
             needed = [keys[one.name] for one in knobs if one not in may_be_left_out(knobs)]
             raise KnownEffectError(f"{effect.name} has no {keys[knob.name]}; it needs {', '.join(needed)}")
         value, u = spec.values[knob.name].re, spec.values[knob.name].u
-        if not knob.lower <= value <= knob.upper or not 0 <= u < np.inf:
+        if not knob.lower <= value <= knob.upper:
+            allowed = f"{knob.lower:g} to {knob.upper:g}" if knob.upper < np.inf else f"{knob.lower:g} or more"
+            raise KnownEffectError(f"{effect.name}: {keys[knob.name]} is {value:g}; allowed is {allowed}")
+        if not 0 <= u < np.inf:
             raise KnownEffectError(
-                f"{effect.name}: {keys[knob.name]} is {value:g} with u = {u:g}; allowed is {knob.lower:g} to "
-                f"{knob.upper:g} with a positive u"
+                f"{effect.name}: {keys[knob.name]} has u = {u:g}; a finite one, 0 or more, is needed"
             )
         if u > 0 and knob.from_nothing and value == 0:
             raise KnownEffectError(

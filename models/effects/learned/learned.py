@@ -214,5 +214,6 @@ def find_law(place: Place, name: str) -> Law:
     if is_rational(name):
         return sum_named(place, name)
     if name not in known:
-        raise PzctlError(f"{place.where}: there is no law {name!r} for {place.says}; {among(name, list(known))}")
+        found = f"there is no law {name!r}" if name else "no law is named"
+        raise PzctlError(f"{place.where}: {found} for {place.says}; {among(name, list(known))}")
     return known[name]

@@ -5,7 +5,7 @@ import json
 from typer.testing import CliRunner
 
 from pzctl.daemon.cli.commands import app
-from pzctl.models.effects import EffectError, catalogue
+from pzctl.models.effects import EffectError, Stage, catalogue
 
 
 def test_the_list_names_every_effect() -> None:
@@ -24,6 +24,17 @@ def test_json_describes_each_effect_its_places_and_its_signature() -> None:
         "name": "mass", "key": "mass_kg_m2", "unit": "kg/m2", "null": 0.0, "typical": 0, "limits": [],
     }  # fmt: skip
     assert "weigh" in mass["separates"]
+
+
+def test_keys_of_a_build_are_shown_of_those_effects_that_a_build_may_state() -> None:
+    """An effect of the sweep has none: `pzctl fit` refuses a build that states it."""
+    told = json.loads(CliRunner().invoke(app, ["effects", "--json"]).stdout)["effects"]
+    keys = {effect["name"]: [knob["key"] for knob in effect["parameters"]] for effect in told}
+    of_a_sweep = {effect.name for effect in catalogue() if effect.stage == Stage.ACQUISITION}
+    assert {"temperature-drift", "self-heating"} < of_a_sweep
+    assert {name for name, stated in keys.items() if set(stated) <= {None}} == of_a_sweep
+    shown = " ".join(CliRunner().invoke(app, ["effects", "self-heating"]).stdout.split())
+    assert "none: it belongs to a sweep, not to a sample" in shown
 
 
 def test_one_effect_is_described_and_an_unknown_one_is_refused() -> None:

@@ -54,6 +54,17 @@ def test_a_stated_lead_is_fitted_with_its_uncertainty(behind_a_lead: dict[str, t
     assert without.chi2_per_dof > 20 * fit.chi2_per_dof
 
 
+def test_a_stated_effect_that_is_not_there_ends_at_its_limit_and_is_not_told_as_held() -> None:
+    build = parse_build(TEXT)
+    noise = 2e-4 * np.random.default_rng(4).normal(size=F.size)
+    bare = stack_of(build, build.step("disk")).impedance(F)
+    behind_less_than_nothing = (bare - 2j * np.pi * F * 1e-8) * np.exp(noise)
+    fit = run(load_fitter("mason"), FitTask(parse_build(TEXT + LEAD), {"disk": (Sweep(F, behind_less_than_nothing),)}))
+    found = fit.constants["lead-inductance@terminals.inductance"]
+    assert (found.re, found.u_re, found.free) == (pytest.approx(0, abs=1e-14), None, True)
+    assert any("At an end of its range" in says and says.endswith("terminals.inductance.") for says in fit.says)
+
+
 def test_a_stated_effect_is_not_searched_again(behind_a_lead: dict[str, tuple[Sweep, ...]]) -> None:
     task = FitTask(parse_build(TEXT + LEAD), behind_a_lead)
     diagnosis = diagnose(task, effects=("lead-inductance", "stray-capacitance"))
@@ -147,12 +158,12 @@ def test_a_resonance_is_found_beside_one_that_the_build_states(tmp_path: Path) -
         (("lead-inductance", "lead-inductanc"), "effects\\[0\\]: effect 'lead-inductanc' is not known; .*did you mean"),
         (('"terminals"', '"terminal"'), "where is 'terminal'; there are terminals"),
         (("inductance_H", "inductance"), "effects\\[0\\].inductance is not a known key; did you mean inductance_H"),
-        (("5e-8", "-5e-8"), "inductance_H is -5e-08 with u = 2e-08; allowed is 0 to inf"),
+        (("5e-8", "-5e-8"), "inductance_H is -5e-08; allowed is 0 or more"),
         (("value = 5e-8, ", ""), "has no value; write inductance_H = { value"),
         (("value = 5e-8", "value = 0.0"), "inductance_H is 0 with u = 2e-08; give the value from which"),
         (("inductance_H = { value = 5e-8, u = 2e-8 }", ""), "lead-inductance has no inductance_H; it needs"),
         (("lead-inductance", "temperature-drift"), "temperature-drift belongs to a sweep, not to a sample"),
-        (("lead-inductance", "learned"), "learned: quantity is ''; there are stiffness"),
+        (("lead-inductance", "learned"), "learned: quantity is missing; there are stiffness"),
         (('"terminals"', '"terminals"\nsteps = ["x"]'), "steps has 'x'; there are disk"),
         ((LEAD, LEAD + LEAD), "lead-inductance at terminals is given twice"),
     ],
@@ -166,6 +177,8 @@ def test_a_learned_law_needs_a_place_and_a_law_of_its_quantity() -> None:
     law = '\n[[effects]]\neffect = "learned"\nwhere = "layer:disk"\nquantity = "permittivity"\nlaw = "{}"\n'
     with pytest.raises(BuildError, match="there is no law 'spring' for the permittivity of disk; there are power"):
         parse_build(TEXT + law.format("spring"))
+    with pytest.raises(BuildError, match="no law is named for the permittivity of disk; there are power"):
+        parse_build(TEXT + law.replace('law = "{}"\n', ""))
     with pytest.raises(BuildError, match="learned: where is 'face:back'; there are layer:disk"):
         parse_build(TEXT + law.format("debye").replace("layer:disk", "face:back"))
 
