@@ -7,6 +7,7 @@ from math import inf, isfinite
 
 import numpy as np
 
+from ...models.effects.base.effect import TERMINALS
 from ...models.effects.learned.corrections import INSTRUMENT
 from ...models.effects.learned.learned import LearnedLaw
 from ..disk.two_d.disk2d import Disk2DFitter
@@ -39,9 +40,10 @@ from .learning.drawn_corrections import PlacedCorrection
 from .learning.learned_effect import Learning
 from .learning.places import placed_corrections
 from .search.greedy_search import GreedySearch
-from .search.refit import Refit, as_refit
+from .search.refit import Refit, as_refit, refit
 from .search.score_test import scores
 from .search.screening import explaining_most
+from .search.trial_fits import polish
 from .validation.bands import excess_of, guilty_bands
 from .validation.cross_sample import carried_over
 from .validation.held_out_misfit import unforeseen
@@ -191,6 +193,8 @@ class _FiniteDiameter:
         null = as_refit(problem, bare)
         if not lateral.shows_early(alone, null) or _an_effect_may_do(search, bare):
             return None
+        if not lateral.shows_early(alone, _plate_behind_wires(problem, search, null)):
+            return None
         made = lateral.tried(alone, null, None, wanted.progress, wanted.jobs)
         self._tried = (made,)
         sure = made is not None and lateral.leaves_no_other(made, null)
@@ -266,6 +270,25 @@ def _an_effect_may_do(search: GreedySearch, bare: Hypothesis) -> bool:
     """
     others = [one for one in search.candidates if one.effect.name != lateral.NAME and not one.resonates]
     return bool(explaining_most(search.problem, bare, others, search.jobs))
+
+
+def _plate_behind_wires(problem: Problem, search: GreedySearch, null: Refit) -> Refit:
+    """Return the plate with the two effects at its terminals that explain most, by least squares, one after the other.
+
+    A wire changes a plate as much as a rim does, and a disk whose tensor hardly couples thickness and plane is a plate.
+    """
+    best = null
+    for _ in range(2):
+        starts = (best.values, {**best.values, **problem.values})
+        rough = [
+            refit(problem, (*best.effects, one), values, one.effect_parameters[0].null)
+            for one in search.candidates
+            if one.where == TERMINALS and one.effect_parameters and one not in best.effects
+            for values in starts
+        ]
+        fits = [polish(problem, refit(problem, one.effects, one.values, None)) for one in rough]
+        best = min((best, *fits), key=lambda one: one.chi2_per_dof)
+    return best
 
 
 def _of_the_disk(one: Finding) -> bool:

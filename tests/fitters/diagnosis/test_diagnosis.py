@@ -245,3 +245,13 @@ def test_overtones_and_repeats_can_be_held_out_instead(cases: Path) -> None:
     repeated = diagnose(again, ("temperature-drift",), hold_out="repeats")
     assert [finding.effect for finding in repeated.findings] == ["temperature-drift"]
     assert repeated.final.held_out < 0.1 * repeated.baseline.held_out
+
+
+def test_a_plate_behind_a_long_wire_is_no_disk_of_finite_diameter(cases: Path) -> None:
+    """Ten constants describe it too, with a planar coupling of next to nothing."""
+    task, _ = given(cases, "null", 4)
+    (sweep,) = task.sweeps["disk"]
+    wired = replace(sweep, impedance=sweep.impedance + 2j * np.pi * sweep.frequency * 4.2e-8)
+    (finding,) = diagnose(replace(task, sweeps={"disk": (wired,)}), ("lateral-modes", "lead-inductance")).findings
+    assert finding.effect == "lead-inductance"
+    assert finding.parameters["inductance"].value == pytest.approx(4.2e-8, rel=0.01)
