@@ -40,7 +40,7 @@ def prove(
     real: Annotated[
         Path | None, typer.Option(help="Folder of real recordings to add exact parts to, in place of simulated cases.")
     ] = None,
-    count: Annotated[int, typer.Option(min=1, help="Number of cases.")] = 300,
+    count: Annotated[int, typer.Option(min=1, help="Number of simulated cases.")] = 300,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the cases; 1000 to 1999 are never used in development.")
     ] = 1,
@@ -58,6 +58,8 @@ def prove(
     """
     from ...report.terminal import console
 
+    if real is not None and not real.is_dir():
+        raise ProveError(f"{real}: no such folder; one of recordings, with a build.toml beside them, is needed")
     if (out / "truth.json").exists():
         raise ProveError(f"{out}: this folder holds a proof already; give --out another folder")
     screen = console(stderr=as_json)
@@ -121,15 +123,20 @@ def _child(module: str, *words: object) -> str:
 
     run = [sys.executable, "-m", module, *map(str, words)]
     with ctrl_c_blocked():  # this process handles Ctrl-C and ends the child
-        process = subprocess.Popen(run, stdout=subprocess.PIPE, text=True)  # noqa: S603 (our own module, no shell)
+        process = subprocess.Popen(  # noqa: S603 (our own module, no shell)
+            run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
     with process:
         try:
-            printed, _ = process.communicate()
+            printed, complained = process.communicate()
         except BaseException:
             process.terminate()
             process.wait(_PATIENCE)  # it has children of its own to end
             raise
     if process.returncode:
+        if len(complained.splitlines()) == 1:
+            raise ProveError(complained.strip())
+        sys.stderr.write(complained)
         raise ProveError(f"{module} ended with status {process.returncode}; its output above says why")
     return printed
 

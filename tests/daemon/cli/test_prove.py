@@ -144,6 +144,18 @@ def test_a_proof_is_never_written_over(tmp_path: Path) -> None:
     assert "Traceback" not in run.stderr
 
 
+@pytest.mark.parametrize(
+    ("folder", "says"), [("real", "real: no recording with a build.toml beside it"), ("rael", "rael: no such folder")]
+)
+def test_a_folder_without_real_recordings_is_one_sentence(tmp_path: Path, folder: str, says: str) -> None:
+    (tmp_path / "real").mkdir()
+    words = ["-c", "from pzctl.daemon.cli import main; main()", "prove", "--real", folder]
+    run = subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    (line,) = run.stderr.splitlines()
+    assert line.startswith(f"pzctl: {says}")
+
+
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are counted in /proc")
 def test_ctrl_c_ends_every_process_of_a_proof(
     tmp_path: Path, start_program: "Callable[..., subprocess.Popen[str]]"
