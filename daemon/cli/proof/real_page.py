@@ -181,7 +181,9 @@ def _other_row(one: RealAnswer) -> tuple[str, ...]:
 
 
 def _said(finding: Finding) -> str:
-    sizes = ", ".join(f"{name} {size.value:.3g} {size.unit}" for name, size in finding.parameters.items())
+    sizes = ", ".join(
+        f"{name} {size.value:.3g} {size.unit}".removesuffix(" 1") for name, size in finding.parameters.items()
+    )
     takes = "" if math.isnan(finding.share) else f", takes {100 * finding.share:.0f} %"
     same = "".join(f", or {name}" for name in dict.fromkeys(other.effect for other in finding.same_as))
     what = f" ({sizes})" if sizes else ""
