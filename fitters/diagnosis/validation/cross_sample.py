@@ -49,14 +49,13 @@ def carried_over(
         return OtherSample(sample, other.steps, (), before, before)
     effects, told = tuple(there.values()), _told(problem, final, tuple(there))
     values = {**null.values, **{name: final.values[name] for one in there for name in one.parameters}}
-    coordinates = other.coordinates(effects, values)  # the same for both: what is told is told in these
-    softly, strictly = (
-        Objective(one.with_effects(effects), coordinates, (*one.priors, told))
-        for one in (resoftened(other, null), other)
-    )
-    roughly = descend(softly, coordinates.x, ROUGH)
-    again = finished(effects, descend(strictly, roughly.x, _FINE))
-    return OtherSample(sample, other.steps, names, before, _per_dof(other, again))
+    coordinates = other.coordinates(effects, values)  # the same for all: what is told is told in these
+    x, best = coordinates.x, null
+    for tolerance in (ROUGH, _FINE, _FINE, _FINE):  # weights match the residual, which falls to the noise
+        softly = Objective(resoftened(other, best).with_effects(effects), coordinates, (*other.priors, told))
+        again = finished(effects, descend(softly, x, tolerance))
+        x, best = again.descent.x, again
+    return OtherSample(sample, other.steps, names, before, _per_dof(other, best))
 
 
 def _twins(other: Problem, found: Candidate) -> list[Candidate]:

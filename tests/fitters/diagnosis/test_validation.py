@@ -101,6 +101,18 @@ def test_another_sample_confirms_a_lead_it_shares_and_contradicts_one_it_lacks(l
     assert "None of the effects found" in none.says
 
 
+def test_another_ceramic_behind_the_same_lead_confirms_it_to_the_noise(lead_case) -> None:
+    """A fit without the lead leaves so much that its weights would let the constants go unfitted."""
+    (disk,) = lead_case.stack.layers
+    other = replace(disk, c33D=disk.c33D * 1.04, h33=disk.h33 * 0.97, eps33S=disk.eps33S * 1.03)
+    (sweep,) = lead_case.task.sweeps["disk"]
+    lead = 2j * np.pi * sweep.frequency * lead_case.inductance
+    Z = replace(lead_case.stack, layers=(other,)).impedance(sweep.frequency) + lead
+    task = replace(lead_case.task, sweeps={"disk": (replace(sweep, impedance=Z * np.exp(2e-4 * noise(3)[: Z.size])),)})
+    same = carried_over(lead_case.problem, lead_case.final, "S2", task, lambda _: None)
+    assert same.chi2_per_dof_after < 1.5 < 1000 < same.chi2_per_dof_before
+
+
 def test_the_fit_that_is_shown_has_nothing_left_to_gain(lead_case) -> None:
     def erring(recording: Recording) -> Recording:
         sweep = recording.sweep
