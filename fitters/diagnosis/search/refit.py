@@ -66,9 +66,14 @@ def finished(effects: Sequence[Candidate], descent: Descent) -> Refit:
 
 def as_refit(problem: Problem, found: Hypothesis) -> Refit:
     """Return a hypothesis as a fit weighted by noise alone, for figures, held-out misfit and residual summary."""
-    objective = problem.objective(found.effects, found.values)
+    return refit_at(problem, found.effects, found.values)
+
+
+def refit_at(problem: Problem, effects: Sequence[Candidate], values: Mapping[str, float]) -> Refit:
+    """Return a fit weighted by noise alone that has ended at these values."""
+    objective = problem.objective(effects, values)
     x = objective.coordinates.x
-    return finished(found.effects, Descent(objective, x, x, 0.0, converged=True, evaluations=0))
+    return finished(effects, Descent(objective, x, x, 0.0, converged=True, evaluations=0))
 
 
 def refit(

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from ..hypotheses.hypothesis import Hypothesis
+from ...error_model.marginal_fit import plain
+from ..hypotheses.hypothesis import Hypothesis, marginal_of
 from ..hypotheses.problem import Problem
-from ..search.refit import Refit, as_refit
+from ..search.refit import Refit, as_refit, refit_at
 from ..search.trial_fits import polish
 from .held_out_misfit import held_out_chi2
 
@@ -19,12 +20,19 @@ class LeastSquares:
 
     @classmethod
     def of(cls, problem: Problem, found: Hypothesis) -> "LeastSquares":
-        """Fit a hypothesis by least squares, from where it is.
+        """Fit a hypothesis by least squares, from where it is, and from where all misfit is noise.
 
-        There, errors of instrument and model have left their part of the misfit: as figures for people, the misfits
-        with and without an effect would compare what the errors have left.
+        Where it is, errors of instrument and model have left their part of the misfit: as figures for people, the
+        misfits with and without an effect would compare what the errors have left. What they have left at a resonance
+        may be so much that weights which match the residual keep it.
         """
-        fit = polish(problem, as_refit(problem, found))
+        starts = [as_refit(problem, found)]
+        if not found.fit.exact:
+            marginal = marginal_of(problem, found.effects, found.values)
+            x = plain(marginal, [marginal.objective.coordinates.x])
+            values, _ = marginal.objective.coordinates.forward(x)
+            starts.append(refit_at(problem, found.effects, values))
+        fit = polish(problem, min(starts, key=lambda one: one.chi2_per_dof))
         return cls(fit, held_out_chi2(problem, fit))
 
     @property
