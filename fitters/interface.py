@@ -75,6 +75,13 @@ class Constant:
     interval_re: Interval | None = None
     """From profile likelihood or bootstrap; None if only the standard uncertainty is known."""
     interval_im: Interval | None = None
+    u_by: Mapping[str, float] | None = None
+    """Parts of `u_re` by source (`noise`, `instrument`, `model`, `dimensions`), whose squares add up to its square.
+
+    Of a diagnosis; None if it is not split. A fit has a `Budget`.
+    """
+    u_by_im: Mapping[str, float] | None = None
+    """The same of `u_im`."""
 
     def quantity(self, registry: Any) -> Any:
         """Return the value as a quantity of a Pint registry, complex if it has an imaginary part.

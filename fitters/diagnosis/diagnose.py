@@ -35,6 +35,7 @@ from .inference.data_findings import POLARITY, of_the_data, verdict_with, where_
 from .inference.effect_size import constants_of, parameters_of
 from .inference.glued_steps import curves_at_every_point, glued_model, together
 from .inference.stated_effects import stated
+from .inference.uncertainty_by_source import by_source
 from .inference.undetectable import not_decidable
 from .learning.drawn_corrections import PlacedCorrection
 from .learning.learned_effect import Learning
@@ -239,7 +240,7 @@ class _FiniteDiameter:
         return replace(
             said,
             verdict=verdict,
-            baseline=FitSummary(null.chi2_per_dof, null.held_out, constants_of(self.problem, self.bare)),
+            baseline=_baseline(self.problem, null, self.bare),
             findings=tuple(findings),
             says=(*_says(verdict, findings, said.remaining), *left_out, *([_NOT_CARRIED] if wanted.others else [])),
             before=before,
@@ -291,6 +292,11 @@ def _plate_behind_wires(problem: Problem, search: GreedySearch, null: Refit) -> 
     return best
 
 
+def _baseline(problem: Problem, fit: LeastSquares, null: Hypothesis) -> FitSummary:
+    """Return the fit without effects, with the constants of the hypothesis that there are none."""
+    return FitSummary(fit.chi2_per_dof, fit.held_out, by_source(problem, null, constants_of(problem, null)))
+
+
 def _of_the_disk(one: Finding) -> bool:
     return not (one.effect == UNKNOWN and one.where != ANY)
 
@@ -335,14 +341,15 @@ def _told(
     verdict = verdict_with(gated, found.verdict)
     if verdict in ("unexplained", "partly-explained") and not any(one.effect == UNKNOWN for one in findings):
         findings.append(_unknown(after, left, _where_it_acts(places, found, learn=learn), found))
-    constants = averaged_constants(problem, found.final, search.ranked, coarse)
+    averaged = averaged_constants(problem, found.final, search.ranked, coarse)
+    constants = by_source(problem, found.final, averaged, coarse)
     proofs = tuple(carried_over(problem, final, name, other, progress, fitter) for name, other in wanted.others.items())
     progress("searching for effects that the constants would hide")
     others = beside(final.effects, choice)
     remaining = scores(problem, others, final.objective, final.descent.x, found.final.errors)
     return Diagnosis(
         verdict=verdict,
-        baseline=FitSummary(before.chi2_per_dof, before.held_out, constants_of(problem, found.null)),
+        baseline=_baseline(problem, before, found.null),
         final=FitSummary(after.chi2_per_dof, after.held_out, constants),
         findings=tuple(findings),
         not_decidable=not_decidable(final, remaining, constants, {one.effect for one in findings}),

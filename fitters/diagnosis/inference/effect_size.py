@@ -59,11 +59,19 @@ def covariance_of(one: Hypothesis, coarseness: float = 1.0) -> Reals:
     `coarseness` is the factor by which ln likelihood counts less (see `hypothesis.probabilities`), and by which the
     covariance is therefore larger; what follows from priors, such as the dimensions of a build, stays as it is.
     """
+    return sum(covariances_of(one, coarseness).values(), np.zeros(()))
+
+
+def covariances_of(one: Hypothesis, coarseness: float = 1.0) -> dict[str, Reals]:
+    """Return its parts by source: noise, instrument, model, and dimensions with what else a build states."""
     _, chain = one.objective.coordinates.forward(one.told.x)
-    spread, known = spread_of(one.told), ("dimensions", "assumptions")
-    whole = np.outer(spread.mean, spread.mean)
-    whole += sum(part * (1.0 if name in known else coarseness) for name, part in spread.by.items())
-    return np.asarray(chain @ whole @ chain.T, np.float64)
+    spread = spread_of(one.told)
+    of = {
+        name: part * (1.0 if name in ("dimensions", "assumptions") else coarseness) for name, part in spread.by.items()
+    }
+    of["instrument"] = of["instrument"] + np.outer(spread.mean, spread.mean)  # of unknown sizes of smooth errors
+    of["dimensions"] = of["dimensions"] + of.pop("assumptions")
+    return {name: np.asarray(chain @ part @ chain.T, np.float64) for name, part in of.items()}
 
 
 def constants_of(problem: Problem, one: Hypothesis, coarseness: float = 1.0) -> dict[str, Constant]:

@@ -42,7 +42,9 @@ def exact_hypotheses(
             extended.add(parent.key)
             found[parent.key] = continued
             best = _take(found, _extended(problem, continued, candidates, jobs, hoping=rank == 0))
-        if _hopeless(best, missing - best.fit.shortfall) or (missing == 0 and best.log_weight < before.log_weight + WORTH):
+        if _hopeless(best, missing - best.fit.shortfall) or (
+            missing == 0 and best.log_weight < before.log_weight + WORTH
+        ):
             break  # more will not be enough, or there was nothing left to explain
     return [one for one in found.values() if one.log_weight > start.log_weight - NEAR]
 

@@ -32,6 +32,7 @@ from pzctl.fitters.diagnosis.inference.effect_size import (
     powers_of,
 )
 from pzctl.fitters.diagnosis.inference.finite_diameter import FiniteDisk, beside, tried
+from pzctl.fitters.diagnosis.inference.uncertainty_by_source import by_source
 from pzctl.fitters.diagnosis.inference.undetectable import not_decidable
 from pzctl.fitters.diagnosis.learning.learned_conclusion import as_sure_as_the_list
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
@@ -175,6 +176,22 @@ def test_doubt_about_what_is_present_widens_the_uncertainties(lead_case) -> None
             assert own.u_re == pytest.approx(np.sqrt(mean))
             assert own.re == alone[name].re
     assert averaged_constants(problem, best, [best]) == alone
+
+
+def test_uncertainties_are_told_by_source_whose_squares_add_up(lead_case) -> None:
+    problem, best, null = lead_case.problem, lead_case.search.best, lead_case.search.null
+    as_good = replace(null, log_odds=null.log_odds + best.log_weight - null.log_weight)
+    averaged = averaged_constants(problem, best, [best, as_good])
+    for constants in (constants_of(problem, best), averaged):
+        for name, own in by_source(problem, best, constants).items():
+            for u, by in ((own.u_re, own.u_by), (own.u_im, own.u_by_im)):
+                assert bool(u) == (by is not None), name
+                assert by is None or sum(part**2 for part in by.values()) == pytest.approx((u or 0) ** 2), name
+    alone, doubted = (by_source(problem, best, one)["disk.h33"].u_by for one in (constants_of(problem, best), averaged))
+    assert alone
+    assert doubted
+    assert doubted["noise"] == pytest.approx(alone["noise"])
+    assert doubted["model"] > alone["model"], "that the lead may not be there is a doubt about the model"
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3), st.booleans())
