@@ -375,7 +375,8 @@ class _Poles:
     @classmethod
     def of(cls, matrices: Complexes, mass: Numbers) -> Self | None:
         """Return the poles for the stiffness at each node, shape (3, m, m); None where they nearly coincide."""
-        poles, vectors = np.linalg.eig(np.linalg.solve(mass, matrices[1]))
+        pencil = np.asarray(np.linalg.solve(mass.astype(np.complex128), matrices[1]), np.complex128)
+        poles, vectors = np.linalg.eig(pencil)
         norm = np.einsum("ik,ik->k", vectors, mass @ vectors)
         if np.any(np.abs(norm) < 1e-6 * np.abs(norm).max()):
             return None
