@@ -293,6 +293,7 @@ class GreedySearch(FittedHypotheses):
         lost = {one: promises for one, promises in chosen.items() if one in far and self._lost(parent, one)}
         astray = [promises[0] for one, promises in chosen.items() if parent.astray and self._still_astray(parent, one)]
         self.fit([self._from_the_build(parent, promise.candidate, promise.start) for promise in astray])
+        # each of two effects that move much hides what the other would promise
         if parent.strained or (len(parent.effects) == 1 and parent.fit.shortfall > NEAR):
             alone = self._best_alone(parent)
             self.fit([self._from_the_build(parent, one.effects[0], one.values, (one.fit.sizes,)) for one in alone])
