@@ -369,6 +369,7 @@ def _told(
         remarks=tuple(said for one, said in told if one.kind == "remark"),
         places=tuple(_place(one, problem.steps) for one in places),
         effects=stated(problem, found.final, [one for one, _ in told], coarse),
+        exact=found.final.fit.exact,
         seconds=time.perf_counter() - began,
     )
 

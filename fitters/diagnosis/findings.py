@@ -241,3 +241,5 @@ class Diagnosis:
     """Where the physics that no effect of the catalogue describes acts, most probable place first."""
     effects: tuple[EffectSpec, ...] = ()
     """The findings as a build states them: those that a fit can use."""
+    exact: bool = False
+    """Whether the most probable explanation has no error but white noise, as of a simulation."""

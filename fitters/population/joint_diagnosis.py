@@ -17,6 +17,7 @@ from ..diagnosis.hypotheses.instrument_artefacts import UNKNOWN
 from ..engine.parameters.assembly import stack_of
 from ..interface import FitError
 from .batch import BatchJob, Failure, results_of
+from .exact_bench import exact_bench
 from .population_statistics import Population, spreads
 from .process_pool import process_pool
 from .sample_equations import Knobs, SampleEquations, bench_effects, ends_of, sample_equations
@@ -133,17 +134,18 @@ def _diagnosed(
             raise _LostError
         return [one for one in found if not isinstance(one, Failure)]
 
-    bench = None
+    names = None if effects is None else tuple(effects)
+    alone = _exact_alone(fit, names, workers, progress)
+    bench = exact_bench(alone, knobs)
     while bench is None:
         if len(fit) < _FEWEST:
             raise TooFewSamplesError(f"fewer than two samples can be fitted: {'; '.join(failed.values())}")
         with contextlib.suppress(_LostError):  # evidences of different sets of samples cannot be compared: start again
             bench = shared_bench(survey, knobs, ends, odds)
-    names = None if effects is None else tuple(effects)
-    asked = [_Own(job, names, bench.known) for job in fit]
+    own = {} if bench.known else alone
+    asked = [_Own(job, names, bench.known) for job in fit if job.sample not in own]
     progress(f"diagnosing {len(asked)} samples")
     told = results_of(_own, asked, workers, lambda k, _: progress(f"{asked[k].job.sample} is diagnosed"))
-    own: dict[str, Diagnosis] = {}
     for one, answer in zip(asked, told, strict=True):
         if isinstance(answer, Failure):
             failed[one.job.sample] = answer.says
@@ -153,6 +155,24 @@ def _diagnosed(
     population = Population(tuple(own), constants, tuple(says))
     samples = tuple(job.sample for job in jobs)
     return JointDiagnosis(samples, bench, own, _recurring(own), population, failed, time.perf_counter() - began)
+
+
+def _exact_alone(
+    jobs: Sequence[BatchJob], effects: tuple[str, ...] | None, workers: Any, progress: Callable[[str], None]
+) -> dict[str, Diagnosis]:
+    """Return the diagnosis of each sample alone if none of them needs an error but white noise; else nothing.
+
+    Two samples tell whether it is worth diagnosing the others.
+    """
+    found: dict[str, Diagnosis] = {}
+    for some in (jobs[:_FEWEST], jobs[_FEWEST:]):
+        progress(f"looking for errors of the analyzer in {', '.join(job.sample for job in some)}")
+        told = results_of(_own, [_Own(job, effects, ()) for job in some], workers)
+        own = {job.sample: one for job, one in zip(some, told, strict=True) if isinstance(one, Diagnosis) and one.exact}
+        if len(own) < len(some):
+            return {}
+        found |= own
+    return found
 
 
 def _last_stack(build: Build) -> Stack:

@@ -144,8 +144,8 @@ def _size_table(one: SharedEffect) -> UnbrokenTable:
     title = f"{one.effect}, {name} by each sample alone"
     table = UnbrokenTable("sample", *alone, title=title, box=SIMPLE_HEAD)
     for sample, (value, u) in one.sizes.items():
-        table.add_row(sample, with_uncertainty(value, u), f"{one.alone.get(sample, float('nan')):+.1f}")
-    table.add_row("together", with_uncertainty(size.value, size.u), f"{one.gain:+.1f}", style="bold")
+        table.add_row(sample, with_uncertainty(value, u), f"{one.alone.get(sample, float('nan')):+.4g}")
+    table.add_row("together", with_uncertainty(size.value, size.u), f"{one.gain:+.4g}", style="bold")
     return table
 
 

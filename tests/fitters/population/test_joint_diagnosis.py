@@ -1,6 +1,7 @@
 """Shared effects of samples of one bench: a common lead is found, different leads are not, and no effect gives none."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from pzctl.fitters.diagnosis.hypotheses.bench_effects import BenchEffect
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.population.batch import BatchJob, Failure, results_of
+from pzctl.fitters.population.exact_bench import exact_bench
 from pzctl.fitters.population.joint_diagnosis import TooFewSamplesError, diagnose_together
 from pzctl.fitters.population.process_pool import process_pool
 from pzctl.fitters.population.sample_equations import SampleEquations, bench_effects, ends_of, sample_equations
@@ -24,10 +26,10 @@ F = np.linspace(1.5e6, 7.5e6, 41)
 EFFECTS = ("lead-inductance", "leakage")
 
 
-def bench(leads: Sequence[float], seed: int) -> Mapping[str, FitTask]:
-    """Disks with different constants, a lead each, and an analyzer with errors within its specification."""
+def bench(leads: Sequence[float], seed: int, accuracy: float = 3e-4) -> Mapping[str, FitTask]:
+    """Disks with different constants, a lead each, and an analyzer with errors of this size."""
     rng = np.random.default_rng(seed)
-    slope = complex(*rng.normal(0, 3e-4, 2))
+    slope = complex(*rng.normal(0, accuracy, 2))
     tasks: dict[str, FitTask] = {}
     for k, lead in enumerate(leads):
         own = {name: STACK.parameters()[name] * rng.normal(1, 0.02) for name in ("disk.c33D.re", "disk.eps33S.re")}
@@ -91,6 +93,24 @@ def test_a_shared_effect_is_not_found_again_in_a_sample() -> None:
     assert [one.effect for one in without.findings] == ["lead-inductance"]
     assert (beside.verdict, beside.findings) == ("no-mismatch", ())
     assert beside.final.constants["disk.c33D"].re == pytest.approx(without.final.constants["disk.c33D"].re, rel=1e-3)
+
+
+def test_without_errors_of_the_analyzer_a_lead_is_no_cable() -> None:
+    alone = {name: diagnose(task, ("lead-inductance", "cable")) for name, task in bench([2e-8] * 2, 9, 0.0).items()}
+    assert all(one.exact for one in alone.values())
+    knobs = bench_effects(STACK)
+    found = exact_bench(alone, knobs)
+    assert found is not None
+    (lead,) = found.effects
+    size = lead.parameters["inductance"]
+    assert (lead.effect, lead.probability > 0.9) == ("lead-inductance", True)
+    assert size.value == pytest.approx(2e-8, abs=3 * size.u)
+    assert size.u < min(u for _, u in lead.sizes.values())
+    assert float(lead.scatter["0"]) > 0.4
+    (own,) = alone["S2"].findings
+    other = replace(own, parameters={**own.parameters, "inductance": replace(own.parameters["inductance"], value=6e-8)})
+    assert exact_bench({**alone, "S2": replace(alone["S2"], findings=(other,))}, knobs) is None
+    assert exact_bench({**alone, "S2": replace(alone["S2"], findings=())}, knobs) is None
 
 
 @pytest.mark.long
