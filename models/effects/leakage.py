@@ -10,6 +10,11 @@ from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 from .base.scale import reactance, resonance
 
 
+_INSULATION = 1e-5, 2.3
+"""Conductance over a rim or in a clip: from 10 Mohm where it was only touched to 1 kohm with flux or water, as two
+standard deviations, whatever the reactance of the device."""
+
+
 class Leakage(Effect):
     """Y + G (f/f0)^n: visible at low frequency and at the antiresonance."""
 
@@ -27,7 +32,7 @@ class Leakage(Effect):
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return G at resonance in siemens, and its exponent in frequency."""
         return (
-            EffectParameter("conductance", "S", typical=1e-4 / reactance(stack)),
+            EffectParameter("conductance", "S", typical=1e-4 / reactance(stack), prior=_INSULATION),
             EffectParameter("exponent", "1", typical=0.1, lower=-0.5, upper=1.0, prior=(0.1, 0.15)),
         )
 
