@@ -81,6 +81,20 @@ def spread_of(found: MarginalFit) -> CovarianceBySource:
     return CovarianceBySource(by, mean, names, beside, of_held)
 
 
+def beside_held(found: MarginalFit) -> tuple[tuple[str, ...], Reals, Reals, Reals]:
+    """Return the names of held values that may be off, and by how much they most probably are, in their tolerances.
+
+    Also the covariance of the free coordinates with that, shape (M, held), and its own, shape (held, held); all empty
+    if held values are exact in this fit.
+    """
+    if not found.sizes.held:
+        return (), np.zeros(0), np.zeros((len(found.x), 0)), np.zeros((0, 0))
+    columns = found.gram.columns
+    own = [k for k, part in enumerate(columns.parts) if part == "held"]
+    _, across, off = _by_source(found, found.sizes, found.value)
+    return _held_in(columns), found.gram.coefficients(found.sizes)[own], across, off
+
+
 def _likely(found: MarginalFit) -> list[tuple[ErrorSizes, Value, float]]:
     """Return the sizes of errors that the recordings leave open, with their posterior probabilities."""
     grids = (GRIDS[name] for name in _UNSURE)

@@ -14,6 +14,7 @@ from ....models.effects.base.corrected_constants import Corrections
 from ...engine.objective import Objective
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Prior, Recording
+from ...error_model.as_stated import as_stated
 from ...error_model.at_resonance import at_resonance
 from ...error_model.error_sizes import ErrorSizes, Value
 from ...error_model.marginal import Marginal
@@ -119,7 +120,12 @@ class Hypothesis:
 
     @cached_property
     def told(self) -> MarginalFit:
-        """The fit with the constants that are told: those at the resonance."""
+        """The fit with the constants that are told: those at the resonance, for a build as it is stated."""
+        return as_stated(self.resonant)
+
+    @cached_property
+    def resonant(self) -> MarginalFit:
+        """The fit with the constants at the resonance."""
         return at_resonance(self.fit)
 
     @cached_property

@@ -9,6 +9,7 @@ import numpy as np
 
 from ....models.effects.base.effect import TERMINALS
 from ...engine.recording import rms
+from ...error_model.as_stated import as_stated
 from ...error_model.uncertainty_sources import taken_up
 from ..decision_rules import LISTED, NAMED, NOTHING, PARENTS, TOLD, TOLERATED
 from ..findings import Alternative, Remaining, Verdict
@@ -174,9 +175,10 @@ def _most_probable_alike(certainties: Certainties, one: Hypothesis, sure: Mappin
 
 def remaining_of(one: Hypothesis) -> Remaining:
     """Return what a hypothesis leaves of ln Z, and the most probable causes of it."""
-    taken = taken_up(one.fit)
+    stated = as_stated(one.fit)
+    taken = taken_up(stated)
     return Remaining(
-        total=rms(*one.fit.left_by_the_model),
+        total=rms(*stated.left_by_the_model),
         instrument=rms(*taken.instrument),
         device=rms(*taken.usual),
         build=rms(*taken.held),

@@ -65,12 +65,12 @@ def covariance_of(one: Hypothesis, coarseness: float = 1.0) -> Reals:
 def covariances_of(one: Hypothesis, coarseness: float = 1.0) -> dict[str, Reals]:
     """Return its parts by source: noise, instrument, model, and dimensions with what else a build states."""
     _, chain = one.objective.coordinates.forward(one.told.x)
-    spread = spread_of(one.told)
+    spread, moved = spread_of(one.resonant), one.told.x - one.resonant.x
     of = {
         name: part * (1.0 if name in ("dimensions", "assumptions") else coarseness) for name, part in spread.by.items()
     }
     of["instrument"] = of["instrument"] + np.outer(spread.mean, spread.mean)  # of unknown sizes of smooth errors
-    of["dimensions"] = of["dimensions"] + of.pop("assumptions")
+    of["dimensions"] = of["dimensions"] + of.pop("assumptions") + np.outer(moved, moved)
     return {name: np.asarray(chain @ part @ chain.T, np.float64) for name, part in of.items()}
 
 
