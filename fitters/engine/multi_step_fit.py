@@ -15,6 +15,7 @@ from ..interface import UNCOMPUTABLE, FitError, FitTask, Noise, TaskError
 from .covariance import posterior
 from .descent import Descent, approach, chi2_per_point, settle, thinned, with_model_discrepancy
 from .distinct_recordings import refuse_given_twice
+from .effect_valleys import deepest_valley
 from .noise import noise_of
 from .objective import Objective
 from .parameters.assembly import (
@@ -22,6 +23,7 @@ from .parameters.assembly import (
     PIEZO_CONSTANTS,
     ceramic_leader,
     coordinates_of,
+    effects_of,
     layers_of,
     nominal_parameters,
     priors_of,
@@ -180,6 +182,7 @@ class _StepwiseFit:
         self.evaluations += len(starts) + tried
         if _rms(self.descent.objective, self.descent.x) > _LOST:
             self._try_other_material(new[-1:], earlier, here, priors)
+        self.descent = deepest_valley(self.descent, effects_of(self.build, (*before, step)))
         self.recordings = [*self.recordings[: len(before) - len(earlier)], *self.descent.objective.recordings]
         first, _ = self.descent.objective.coordinates.forward(self.descent.start)
         self.begun |= {name: value for name, value in first.items() if name.split(".")[0] in {n.name for n in new}}

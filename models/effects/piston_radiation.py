@@ -34,7 +34,7 @@ class PistonRadiation(Effect):
 
     def effect_parameters(self, stack: Stack, where: str) -> tuple[EffectParameter, ...]:
         """Return 1/(2 k a) at the resonance."""
-        return (EffectParameter("narrowness", "1", typical=0.01, upper=1.0, prior=(0.01, 1.0)),)
+        return (EffectParameter("narrowness", "1", typical=0.01, upper=1.0, prior=(0.01, 1.0), ripples=True),)
 
     def extend(self, assembly: Assembly, where: str, values: Mapping[str, float]) -> Assembly:
         """Return the device with the load of a piston."""

@@ -72,6 +72,8 @@ class EffectParameter:
     resistance of a lead."""
     delay: bool = False
     """Whether it is the delay of an echo in s, of which the first parameter is the amplitude."""
+    ripples: bool = False
+    """Whether what it does ripples over frequency, faster or slower: a fit has a minimum for each number of ripples."""
     varies: bool = False
     """Whether it may change smoothly with frequency, though its formula does not say so, apart from the effect's size:
     a dot of solder is not everywhere as high, and a connector is no cable."""
