@@ -228,13 +228,19 @@ class FittedHypotheses:
         """Weigh the best hypotheses by other recordings of the same device, which say nearly the same.
 
         Their fits end where they ended, within what the expansion there promises; only where that may count, for the
-        best one, and where evidence counts in full, they are continued.
+        best one, and where evidence counts in full, they are continued. If one of these then leaves all others behind,
+        by errors of sizes that fewer points did not show, the others are continued with such errors, too.
         """
         self._take_over(problem)
-        near = self._in_reach(self.ranked, LIKELY)
-        near = [one for one in near if one is self.best or one.fit.promised > 0 or one.fit.sizes.exact]
+        likely = self._in_reach(self.ranked, LIKELY)
+        near = [one for one in likely if one is self.best or one.fit.promised > 0 or one.fit.sizes.exact]
         self._fine.update(self.found)
+        before = self.best.log_weight
         self._follow(near)
+        if self.best.log_weight > before + LIKELY * self.temper:
+            best = self.best
+            others = [self.found[one.key] for one in likely if one.key != best.key]
+            self.fit([Plan.after(one, (best.fit.sizes, one.fit.sizes)) for one in others])
 
     def _follow(self, some: Iterable[Hypothesis]) -> None:
         """Continue these fits, but that without effects."""
