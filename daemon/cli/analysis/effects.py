@@ -78,7 +78,8 @@ def _tell(done: dict[str, str], *, as_json: bool) -> None:
 def _described(effect: "Effect") -> dict[str, Any]:
     """Return the catalogue's entry of an effect as plain data; sizes and places are those of an example device.
 
-    A parameter of an effect that no build can state has no `key`.
+    A parameter of an effect that no build can state has no `key`. `stated`: what a build states beside place and
+    parameters.
     """
     from ....fitters.engine.parameters.known_effects import parameter_key
     from ....models.effects import Stage
@@ -90,6 +91,7 @@ def _described(effect: "Effect") -> dict[str, Any]:
     return {
         "name": effect.name,
         "own": isinstance(effect, UserLaw),
+        "stated": effect.stated if isinstance(effect, UserLaw) else {"effect": effect.name},
         "where": list(dict.fromkeys(_kind(place) for place in places)),
         "physics": effect.physics,
         "says": effect.says.format(where=places[0]),
@@ -161,9 +163,10 @@ def _page(described: dict[str, Any]) -> "Table":
 
 
 def _keys(described: dict[str, Any]) -> str:
-    """Return how a build states the effect; one of a sweep belongs to no sample."""
+    """Return how a build states the effect, a learned law under that name; one of a sweep belongs to no sample."""
     keys = [one["key"] for one in described["parameters"] if one["key"] is not None]
-    return ", ".join(keys) or "none: it belongs to a sweep, not to a sample"
+    stated = [f"{key} = {json.dumps(value)}" for key, value in described["stated"].items()] if described["own"] else []
+    return ", ".join([*stated, *keys]) or "none: it belongs to a sweep, not to a sample"
 
 
 def _size(parameter: dict[str, Any]) -> str:

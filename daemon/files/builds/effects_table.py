@@ -6,11 +6,14 @@ where = "terminals"                           # as `pzctl diagnose` says it
 inductance_H = { value = 5.3e-8, u = 1e-9 }   # its parameters with their SI units; one with u is fitted
 """
 
+import json
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any, cast
 
 from ....fitters.engine.parameters.assembly import effects_of, stack_of
 from ....fitters.engine.parameters.known_effects import completed, effect_parameters, parameter_key
+from ....fitters.user_effects import UserEffectError, user_effects
 from ....models.base.errors import PzctlError
 from ....models.build import Build, EffectSpec, Quantity
 from .build_table import BuildError, Table
@@ -35,11 +38,21 @@ def _effect(build: Build, table: Table) -> EffectSpec:
     try:
         _, knobs = effect_parameters(spec, {step.name: stack_of(build, step) for step in build.steps})
     except PzctlError as error:
-        raise BuildError(f"{table.source}: {table.path}: {error}") from None
+        raise BuildError(f"{table.source}: {table.path}: {_as_own(spec.effect) or error}") from None
     keys = {parameter_key(knob): knob.name for knob in knobs}
     table.only((*EFFECT_ENTRIES, *keys))
     given = {name: _quantity(table, key) for key, name in keys.items() if key in table.data}
     return completed(replace(spec, values=given), knobs, "build.toml")
+
+
+def _as_own(name: str) -> str:
+    """Return how a build states a law of the user's own catalogue; empty for another name."""
+    with suppress(UserEffectError):  # of a file there that has nothing to do with this build
+        for own in user_effects():
+            if own.name == name:
+                stated = ", ".join(f"{key} = {json.dumps(value)}" for key, value in own.stated.items())
+                return f"effect {name!r} is a law of your own catalogue; a build states it as {stated}"
+    return ""
 
 
 def _quantity(table: Table, key: str) -> Quantity:

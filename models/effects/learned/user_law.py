@@ -13,7 +13,7 @@ from ..base.scale import equivalent_plate
 from . import corrections
 from .corrections import Place
 from .laws import Law
-from .learned import LearnedLaw, equivalents, in_words, law_name
+from .learned import NAME, LearnedLaw, equivalents, in_words, law_name
 from .parts import stage_of
 
 BETWEEN_SAMPLES = 0.7
@@ -58,6 +58,12 @@ class UserLaw(Effect):
         units = {knob.name: knob.unit for knob in law_parameters(self.place, self.law, self.reference)}
         sizes = {name: (value, u, units[name]) for name, (value, u) in self.values.items()}
         return f"{in_words(self.place, self.law, sizes | self._element())}. Of your own catalogue."
+
+    @property
+    def stated(self) -> dict[str, str | float]:
+        """The keys by which a build states it, beside its place and its parameters."""
+        own: dict[str, str | float] = {"effect": NAME, "quantity": self.place.quantity, "law": self.law.name}
+        return {**own, "reference_Hz": self.reference}
 
     @property
     def law_name(self) -> str:

@@ -86,6 +86,25 @@ def test_a_learned_law_is_added_listed_and_removed(here: Path) -> None:
     ]
 
 
+def test_a_build_is_told_how_it_states_a_law_of_the_users_own(here: Path) -> None:
+    """Its page showed keys, but under which name a build has them it did not say, nor did the refusal of a build."""
+    run("effects", "--add", "law.toml", "relaxation")
+    stated = 'effect = "learned", quantity = "permittivity", law = "debye", reference_Hz = 4229005.77'
+    section = '[[effects]]\neffect = "relaxation"\nwhere = "layer:film"\nsize = 0.2\nat_Hz = 4e6\n'
+    with pytest.raises(PzctlError) as refused:
+        parse_build(f"{BUILD}\n{section}")
+    assert str(refused.value).endswith(f"a build states it as {stated}")
+    (told,) = json.loads(run("effects", "relaxation", "--json").stdout)["effects"]
+    assert told["stated"] == {
+        "effect": "learned",
+        "quantity": "permittivity",
+        "law": "debye",
+        "reference_Hz": 4229005.77,
+    }
+    page = " ".join(run("effects", "relaxation").stdout.replace("│", " ").split())
+    assert all(key in page for key in (*stated.split(", "), "at_Hz"))
+
+
 def test_a_diagnosis_of_another_sample_names_it_and_its_build_needs_no_catalogue(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
