@@ -1,7 +1,6 @@
 """Many fits at once: on all cores of this machine, or on a Dask cluster, with the same results."""
 
 import contextlib
-import os
 import re
 import threading
 from collections.abc import Callable, Generator, Iterable, Sequence
@@ -15,6 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...models.base.errors import PzctlError
+from ..engine.on_cores import available_cores
 from ..interface import FitResult, FitTask
 from ..plugins import load_fitter, run
 from .process_pool import started
@@ -66,15 +66,17 @@ def fit_job(job: BatchJob, fitter: str) -> BatchOutcome:
         return BatchOutcome(job.sample, None, f"fitter {fitter!r} failed: {type(error).__name__}: {error}")
 
 
-def fit_on_cores(jobs: Sequence[BatchJob], fitter: str, heard: Heard = lambda _: None) -> tuple[BatchOutcome, ...]:
-    """Fit all jobs, one per core at a time; return the outcomes in the order of the jobs.
+def fit_on_cores(
+    jobs: Sequence[BatchJob], fitter: str, heard: Heard = lambda _: None, processes: int | None = None
+) -> tuple[BatchOutcome, ...]:
+    """Fit all jobs in so many processes at a time, None for one on each core; return the outcomes in their order.
 
     Raises PluginError if the fitter is not installed. Ctrl-C ends the running fits at once.
     """
     load_fitter(fitter)
     if not jobs:
         return ()
-    with started(partial(fit_job, fitter=fitter), jobs, min(len(jobs), os.cpu_count() or 1)) as futures:
+    with started(partial(fit_job, fitter=fitter), jobs, min(len(jobs), processes or available_cores())) as futures:
         return _gathered(futures, as_completed(futures), heard)
 
 

@@ -1,7 +1,6 @@
 """The joint diagnosis of many samples: shared effects, effects of single samples, and the scatter of constants."""
 
 import contextlib
-import os
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from ..diagnosis.diagnose import diagnose
 from ..diagnosis.findings import Diagnosis, Finding
 from ..diagnosis.hypotheses.bench_effects import BenchEffect
 from ..diagnosis.hypotheses.instrument_artefacts import UNKNOWN
+from ..engine.on_cores import available_cores
 from ..engine.parameters.assembly import stack_of
 from ..interface import FitError
 from .batch import BatchJob, Failure, results_of
@@ -94,17 +94,19 @@ def diagnose_together(
     effects: Collection[str] | None = None,
     client: Any = None,
     progress: Callable[[str], None] = lambda _: None,
+    processes: int | None = None,
 ) -> JointDiagnosis:
     """Diagnose samples that were measured on the same bench.
 
-    `effects`: the effects to consider; None for all. `client`: of a Dask cluster, as from `on_dask`; None for the cores
-    of this machine. Raises TooFewSamplesError if fewer than two samples can be fitted.
+    `effects`: the effects to consider; None for all. `client`: of a Dask cluster, as from `on_dask`; None for so many
+    `processes` of this machine (None: one on each core). Raises TooFewSamplesError if fewer than two samples can be
+    fitted.
     """
     if len(jobs) < _FEWEST:
         raise TooFewSamplesError(f"{len(jobs)} samples: two or more are needed to tell what they share")
     if client is not None:
         return _diagnosed(jobs, sheets, effects, client, progress)
-    with process_pool(min(len(jobs), os.cpu_count() or 1)) as pool:
+    with process_pool(min(len(jobs), processes or available_cores())) as pool:
         return _diagnosed(jobs, sheets, effects, pool, progress)
 
 

@@ -104,9 +104,11 @@ def diagnose(
                 "columns": columns,
             },
         )
+        if dask and jobs:
+            raise UsageError("--jobs does not go with --dask: its workers are the processes")
         from .diagnose_all import diagnose_all
 
-        diagnose_all(recordings or [], chosen, accuracy, dask, as_json=as_json)
+        diagnose_all(recordings or [], chosen, accuracy, dask, jobs, as_json=as_json)
         return
     stated = _of_one_sample(recordings, build, fitter)
     model = _model_of(fitter, learn=learn)

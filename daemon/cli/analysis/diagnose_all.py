@@ -16,12 +16,18 @@ if TYPE_CHECKING:
 
 
 def diagnose_all(
-    words: list[str], effects: tuple[str, ...] | None, accuracy: float | None, dask: str | None, *, as_json: bool
+    words: list[str],
+    effects: tuple[str, ...] | None,
+    accuracy: float | None,
+    dask: str | None,
+    processes: int | None,
+    *,
+    as_json: bool,
 ) -> None:
     """Diagnose every sample of the journal, or of the one folder in `words`, together, and print the result.
 
-    `accuracy`: of the analyzer, in per cent of |Z|. Raises UsageError, NoSamplesError, JournalError, BatchError or
-    TooFewSamplesError if there is nothing to diagnose together.
+    `accuracy`: of the analyzer, in per cent of |Z|. `processes`: how many at a time, None for one on each core. Raises
+    UsageError, NoSamplesError, JournalError, BatchError or TooFewSamplesError if there is nothing to diagnose together.
     """
     from ....fitters.population.batch import on_dask
     from ....fitters.population.joint_diagnosis import diagnose_together
@@ -37,7 +43,7 @@ def diagnose_all(
     sheets = sheets_of(job.task.build for job in jobs if job.task.build is not None)
     screen = console(stderr=True)
     with on_dask(dask) if dask else contextlib.nullcontext() as client, screen.status("diagnosing") as status:
-        joint = diagnose_together(jobs, sheets, effects, client, status.update)
+        joint = diagnose_together(jobs, sheets, effects, client, status.update, processes)
     unread = {sample.name: str(sample.error) for sample in samples if sample.job is None}
     joint = replace(joint, failed={**unread, **joint.failed})
     if as_json:

@@ -124,6 +124,9 @@ def fit(
     every: Annotated[
         bool, typer.Option("--all", help="Fit every sample of the journal, or of one FOLDER of sample folders.")
     ] = False,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=64, help="With --all: number of processes; without it, one on each core.")
+    ] = None,
     dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at tcp://HOST:PORT.")] = None,
     with_withdrawn: Annotated[
         bool, typer.Option("--with-withdrawn", help="With --all: include withdrawn measurements of the journal.")
@@ -141,8 +144,11 @@ def fit(
     arguments = FitArguments(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
     frees = free_names(free)
     wanted = FitSelection(frees, arguments.amendments(frees), arguments.options())
-    if every or dask or with_withdrawn or not recordings:
-        needs_all = "--dask" if dask else "--with-withdrawn" if with_withdrawn else None
+    if every or dask or jobs or with_withdrawn or not recordings:
+        of_all = {"--dask": dask, "--jobs": jobs, "--with-withdrawn": with_withdrawn}
+        needs_all = next((name for name, value in of_all.items() if value), None)
+        if dask and jobs:
+            raise UsageError("--jobs does not go with --dask: its workers are the processes")
         _check_all(
             every,
             needs_all,
@@ -157,7 +163,7 @@ def fit(
         )
         from .fit_all import fit_all
 
-        fit_all(recordings or [], fitter or [], wanted, dask, as_json=as_json, with_withdrawn=with_withdrawn)
+        fit_all(recordings or [], fitter or [], wanted, dask, jobs, as_json=as_json, with_withdrawn=with_withdrawn)
         return
     if picture is not None:
         from ...report.pictures.picture_file import check_picture

@@ -43,13 +43,15 @@ def fit_all(
     fitters: Sequence[str],
     wanted: FitSelection,
     dask: str | None,
+    processes: int | None,
     *,
     as_json: bool,
     with_withdrawn: bool,
 ) -> None:
     """Fit all samples with each of `fitters` (none: mason) and print the populations.
 
-    `words` is empty (the journal's samples) or names one folder. Results of the journal's samples are added to the
+    `words` is empty (the journal's samples) or names one folder. `processes`: how many fit at a time, None for one on
+    each core. Results of the journal's samples are added to the
     journal. A sample that fails is reported on standard error; the others go on. Raises BatchFailure at the end if any
     failed; UsageError, NoSamplesError, JournalError, PluginError or BatchError if nothing can be fitted.
     """
@@ -72,7 +74,7 @@ def fit_all(
     for sample in samples:
         for note in sample.notes:
             print(shown(f"note: {sample.name}: {note}"), file=sys.stderr)
-    batches = {fitter: _batch(samples, fitter, dask) for fitter in fitters or [DEFAULT]}
+    batches = {fitter: _batch(samples, fitter, dask, processes) for fitter in fitters or [DEFAULT]}
     _report(samples, batches, as_json)
     failed = [outcome.sample for outcomes in batches.values() for outcome in outcomes if outcome.result is None]
     if failed:
@@ -80,7 +82,7 @@ def fit_all(
         raise BatchFailure(f"{len(failed)} of {total} fits failed: {', '.join(dict.fromkeys(failed))}; see above")
 
 
-def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[BatchOutcome]":
+def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None, processes: int | None) -> "list[BatchOutcome]":
     """Fit, add the results of the journal's samples to it, and return one outcome per sample, in the same order."""
     from rich.progress import Progress
 
@@ -99,7 +101,9 @@ def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None) -> "list[
             progress.advance(bar)
 
         outcomes = (
-            fit_on_dask(jobs, fitter, dask, report_outcome) if dask else fit_on_cores(jobs, fitter, report_outcome)
+            fit_on_dask(jobs, fitter, dask, report_outcome)
+            if dask
+            else fit_on_cores(jobs, fitter, report_outcome, processes)
         )
     of_journal = [sample for sample in samples if sample.measurement is not None]
     if of_journal:

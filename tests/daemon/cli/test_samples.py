@@ -308,6 +308,11 @@ def test_what_does_not_show_is_not_told_as_zero_per_cent() -> None:
     [
         (["fit"], "no recording is given; STEP=FILE is needed, or --all"),
         (["fit", "--dask", "tcp://127.0.0.1:1", "disk=a.csv"], "--dask needs --all"),
+        (["fit", "--jobs", "2", "disk=a.csv"], "--jobs needs --all"),
+        (
+            ["fit", "--all", "--jobs", "2", "--dask", "tcp://127.0.0.1:1"],
+            "--jobs does not go with --dask: its workers are the processes",
+        ),
         (["fit", "--all", "disk=a.csv"], "--all takes one folder, or nothing for the journal; found disk=a.csv"),
         (["fit", "--all", "--build", "b.toml"], "--build does not go with --all: each sample has its own"),
         (["fit", "--all"], "nothing was measured yet; begin with `pzctl measure`"),
@@ -343,6 +348,41 @@ class Slow:
 """
 
 
+COUNTED = """
+import os, pathlib, time
+class Slow:
+    name, version, summary = "slow", "1", "tells its process"
+    def fit(self, task, progress=None):
+        time.sleep(1)
+        raise RuntimeError(f"process {os.getpid()}")
+"""
+
+
+def with_fitter(folder: Path, code: str) -> dict[str, str]:
+    """Install the fitter `slow` in a folder; return the environment in which it is found."""
+    (folder / "slow_fitter.py").write_text(code)
+    info = folder / "slow_fitter-1.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: slow-fitter\nVersion: 1\n")
+    (info / "entry_points.txt").write_text("[pzctl.fitters]\nslow = slow_fitter:Slow\n")
+    path = os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
+    return {**os.environ, "PZCTL_HOME": str(folder), "PYTHONPATH": path}
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has one process anyway")
+def test_a_batch_has_as_many_processes_as_it_is_told(tmp_path: Path) -> None:
+    fill(tmp_path)
+    environment = with_fitter(tmp_path, COUNTED)
+
+    def processes(*options: str) -> set[str]:
+        words = [PZCTL, "fit", "--all", "--fitter", "slow", *options]
+        ended = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+        return {line.rpartition(" ")[2] for line in ended.stderr.splitlines() if "process" in line}
+
+    assert len(processes("--jobs", "1")) == 1
+    assert len(processes()) > 1
+
+
 @pytest.mark.skipif(os.name == "nt", reason="process groups are POSIX")
 def test_ctrl_c_ends_a_batch_cleanly(
     tmp_path: Path,
@@ -350,13 +390,7 @@ def test_ctrl_c_ends_a_batch_cleanly(
     start_program: "Callable[..., subprocess.Popen[str]]",
 ) -> None:
     fill(tmp_path)
-    (tmp_path / "slow_fitter.py").write_text(SLOW)
-    info = tmp_path / "slow_fitter-1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: slow-fitter\nVersion: 1\n")
-    (info / "entry_points.txt").write_text("[pzctl.fitters]\nslow = slow_fitter:Slow\n")
-    path = os.pathsep.join(filter(None, [str(tmp_path), os.environ.get("PYTHONPATH")]))
-    environment = {**os.environ, "PZCTL_HOME": str(tmp_path), "PYTHONPATH": path}
+    environment = with_fitter(tmp_path, SLOW)
     process = start_program(
         [PZCTL, "fit", "--all", "--fitter", "slow"],
         env=environment,
