@@ -86,6 +86,9 @@ RIVALS = 6
 """Budget: hypotheses with another effect in place of a named one that are compared with it."""
 MOST = 4
 """Budget: largest number of effects at once."""
+BEHIND_WIRES = 2
+"""Budget: effects at the terminals that are fitted to a plate, one after the other, before a disk of finite diameter is
+tried: a wire and its stray capacitance."""
 SHARP = 20.0
 """Quality factor from which a resonance is a line, which stands out of smooth errors."""
 LINES = 8

@@ -20,7 +20,7 @@ from ..plugins import DEFAULT, load_fitter
 from ..uncertainty.fit_result import curves_of
 from ..user_effects import every_effect
 from .data_quality.data_gates import Gated, gate
-from .decision_rules import NAMED
+from .decision_rules import BEHIND_WIRES, NAMED
 from .findings import CorrectionCurve, Diagnosis, Finding, FitSummary, Leftover, MismatchPlace, Remaining, Verdict
 from .hypotheses.bench_effects import BenchEffect, with_bench_effects
 from .hypotheses.candidates import candidates, flaws
@@ -274,12 +274,12 @@ def _an_effect_may_do(search: GreedySearch, bare: Hypothesis) -> bool:
 
 
 def _plate_behind_wires(problem: Problem, search: GreedySearch, null: Refit) -> Refit:
-    """Return the plate with the two effects at its terminals that explain most, by least squares, one after the other.
+    """Return the plate with the effects at its terminals that explain most, by least squares, one after the other.
 
     A wire changes a plate as much as a rim does, and a disk whose tensor hardly couples thickness and plane is a plate.
     """
     best = null
-    for _ in range(2):
+    for _ in range(BEHIND_WIRES):
         starts = (best.values, {**best.values, **problem.values})
         rough = [
             refit(problem, (*best.effects, one), values, one.effect_parameters[0].null)
