@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from ....models.base.names import as_file_name, shown
-from .fit import Columns, read_steps
+from .fit import Accuracy, Columns, read_steps
 from .fit_options import UsageError, comma_names
 
 if TYPE_CHECKING:
@@ -42,15 +42,7 @@ def diagnose(
         list[Path] | None,
         typer.Option(help="Folder of another sample (build.toml, disk.csv ...) to test the findings on."),
     ] = None,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PERCENT",
-            min=1e-4,
-            max=10,
-            help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
-        ),
-    ] = None,
+    accuracy: Accuracy = None,
     columns: Columns = None,
     learn: Annotated[
         bool,

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -41,6 +42,30 @@ Columns = Annotated[
     typer.Option(help="Names of the columns of tables without header row, for example frequency_Hz,R_ohm,X_ohm."),
 ]
 """The option `--columns` of the commands that read files."""
+
+
+LEAST_ACCURATE, MOST_ACCURATE = 10.0, 1e-4
+"""Per cent of |Z|."""
+
+
+def _percent(text: str) -> float:
+    """Return an accuracy in per cent of |Z|. Raises UsageError."""
+    with suppress(ValueError):
+        if MOST_ACCURATE <= (value := float(text)) <= LEAST_ACCURATE:
+            return value
+    allowed = f"a number from {MOST_ACCURATE:g} to {LEAST_ACCURATE:g}, in per cent of |Z|, is allowed"
+    raise UsageError(f"--accuracy is {text!r}; {allowed}")
+
+
+Accuracy = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT",
+        parser=_percent,
+        help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
+    ),
+]
+"""The option `--accuracy` of the commands that fit recordings."""
 
 
 def read_steps(
@@ -106,15 +131,7 @@ def fit(
     freeze: Annotated[
         bool, typer.Option(help="Step by step, with the earlier constants frozen (as in the thesis).")
     ] = False,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(
-            metavar="PERCENT",
-            min=1e-4,
-            max=10,
-            help="Accuracy of the analyzer in per cent of |Z|; without it 0.08, as of a 4294A.",
-        ),
-    ] = None,
+    accuracy: Accuracy = None,
     columns: Columns = None,
     limits: Annotated[
         Path | None, typer.Option(help="Specification file to judge by; default: [limits] of the build file.")

@@ -313,6 +313,14 @@ def test_what_does_not_show_is_not_told_as_zero_per_cent() -> None:
             ["fit", "--all", "--jobs", "2", "--dask", "tcp://127.0.0.1:1"],
             "--jobs does not go with --dask: its workers are the processes",
         ),
+        (
+            ["fit", "--accuracy", "50", "disk=a.csv"],
+            "--accuracy is '50'; a number from 0.0001 to 10, in per cent of |Z|, is allowed",
+        ),
+        (
+            ["diagnose", "--accuracy", "good", "disk=a.csv"],
+            "--accuracy is 'good'; a number from 0.0001 to 10, in per cent of |Z|, is allowed",
+        ),
         (["fit", "--all", "disk=a.csv"], "--all takes one folder, or nothing for the journal; found disk=a.csv"),
         (["fit", "--all", "--build", "b.toml"], "--build does not go with --all: each sample has its own"),
         (["fit", "--all"], "nothing was measured yet; begin with `pzctl measure`"),
