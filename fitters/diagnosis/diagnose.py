@@ -28,6 +28,7 @@ from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.hypothesis import Hypothesis, beside
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
 from .hypotheses.problem import Candidate, Problem
+from .hypotheses.size_priors import unusual_size
 from .inference import finite_diameter as lateral
 from .inference.averaged_constants import averaged_constants
 from .inference.conclusion import Conclusion, NamedEffect, conclude
@@ -466,6 +467,8 @@ def _finding(
     )
     twins = [other.where for other in named.same_as if other.effect == candidate.effect.name]
     says += "".join(f" At {place} it would look the same." for place in twins)
+    if unusual := unusual_size(candidate, {name: size.value for name, size in sizes.items()}):
+        says += f" {unusual}"
     if candidate in unforeseen(problem, after.fit):
         says += " It shows in the held-out data only, which therefore validate the rest of the fit but not this effect."
     return Finding(
@@ -502,7 +505,8 @@ def _where_it_acts(places: Sequence[PlacedCorrection], found: Conclusion, *, lea
 
 def _unknown(after: LeastSquares, left: Leftover, where: str, found: Conclusion) -> Finding:
     unproved = found.forecast.says if found.forecast is not None and found.refuted else None
-    says = unproved or "No effect of the catalogue explains the misfit; find its cause before you use the constants."
+    misfit = "what the effects found leave" if found.findings else "the misfit"
+    says = unproved or f"No effect of the catalogue explains {misfit}; find its cause before you use the constants."
     if found.undecided:
         names = ", ".join(f"{one.effect} at {one.where} ({one.probability:.2f})" for one in found.undecided)
         several = "one of these, which the recordings do not tell apart: " if len(found.undecided) > 1 else ""

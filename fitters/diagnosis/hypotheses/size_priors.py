@@ -19,6 +19,10 @@ _DEEPEST = 6.0
 """Standard deviations below the median at which a size counts as zero."""
 _TAIL, _SHARE = 4.0, 0.1
 """One size in ten comes from a density four times as wide, because no list of known sizes is complete."""
+_UNUSUAL = float(np.sqrt(2 * np.log((1 - _SHARE) * _TAIL / _SHARE) / (1 - _TAIL**-2)))
+"""Standard deviations from the median beyond which a size more probably comes from the wide density: 2.8."""
+_USUAL = 2.0
+"""Standard deviations within which nineteen in twenty known sizes are."""
 WRONG, GROSS = 10.0, 0.01
 """One dimension of a build in a hundred comes from a density ten times as wide: a slip of the pen, another sample."""
 
@@ -131,6 +135,27 @@ def _over_normal(density: Reals, z: Reals) -> float:
 
 def _mixed(z: Reals, share: float, tail: float) -> Reals:
     return (1 - share) * np.exp(-(z**2) / 2) + share / tail * np.exp(-(z**2) / 2 / tail**2)
+
+
+def unusual_size(one: Candidate, values: Mapping[str, float]) -> str:
+    """Return a sentence on the first size of an effect that is far above all that is known of it; empty if none is.
+
+    `values`: its parameters by their own names. The density of known sizes makes such a size less probable than that
+    of all others, which an effect has in common with whatever else follows its law.
+    """
+    for _, knob in one.sizes:
+        if knob.prior is None or not knob.from_nothing or knob.fraction or knob.in_proportion:
+            continue
+        median, spread = knob.prior
+        value = values[knob.name]
+        if value > median * np.exp(_UNUSUAL * spread):
+            low, high = (median * float(np.exp(way * _USUAL * spread)) for way in (-1, 1))
+            unit = "" if knob.unit == "1" else f" {knob.unit}"
+            return (
+                f"But its {knob.name} of {value:.2g}{unit} is far above the usual {low:.1g} to {high:.1g}{unit}: it "
+                "may stand for something else that acts alike."
+            )
+    return ""
 
 
 def formula_errors(effects: Sequence[Candidate]) -> dict[str, FormulaError]:

@@ -32,6 +32,7 @@ from pzctl.fitters.diagnosis.hypotheses.size_priors import (
     formula_errors,
     log_tails_of,
     shown,
+    unusual_size,
     width,
 )
 from pzctl.fitters.diagnosis.search.greedy_search import GreedySearch
@@ -278,6 +279,16 @@ def test_typical_sizes_are_likelier_but_the_prior_has_wide_tails(lead_case) -> N
     assert width(BETWEEN) > width(FROM_NOTHING) == width(EITHER_SIGN) == 1
     told = shown(dict.fromkeys(lead_case.lead.parameters, -1.0), lead_case.lead)
     assert told["inductance"] == 0, "no size below its limit is shown"
+
+
+def test_a_lead_of_microhenries_is_told_as_one_that_may_stand_for_something_else(lead_case) -> None:
+    """Of 18 uH in series with a real transducer it was said that the wire or clip had them, with 0.86."""
+    (lead,) = candidates(lead_case.problem, ("lead-inductance",))
+    usual = {knob.name: knob.expected[0] for knob in lead.effect_parameters}
+    assert unusual_size(lead, usual) == ""
+    assert unusual_size(lead, {**usual, "inductance": 3e-7}) == ""
+    told = unusual_size(lead, {**usual, "inductance": 1.8e-5})
+    assert told.startswith("But its inductance of 1.8e-05 H is far above the usual 2e-09 to 3e-07 H")
 
 
 def test_two_contiguous_blocks_are_held_out_and_listed_as_bands(lead_case) -> None:
