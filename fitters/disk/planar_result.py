@@ -18,6 +18,7 @@ from ..engine.plausibility import strange
 from ..engine.recording import Prior
 from ..error_model.instrument_share import chi2_beside_instrument
 from ..interface import Constant, FitResult, TaskError
+from ..uncertainty.budget import budget_at
 from ..uncertainty.derived import DERIVED_UNITS
 from ..uncertainty.fit_result import curves_of, strong_correlations
 from .bare_disk import RADIAL_UNITS, BareDisk
@@ -196,6 +197,7 @@ def planar_answer(
         seconds=seconds,
         says=(*says, *strange(disk.build, disk.layer, constants), *_verdict(result, disk)),
         curves=curves_of(objective, descent.start, result.x),
+        budget=budget_at(objective, result.x),
     )
 
 

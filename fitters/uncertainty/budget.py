@@ -24,15 +24,24 @@ def budget_of(solution: Solution, by: Mapping[str, Reals] | None = None) -> Budg
 
     `by`: standard uncertainties of all parameters by source, shape (P,), if the error model was used.
     """
-    now, x = solution.judged, solution.descent.x
+    now = solution.judged
     steps = tuple(dict.fromkeys(recording.step for recording in now.recordings))
     objective = Objective(now.recordings, now.coordinates, priors_of(solution.build, steps))
+    return budget_at(objective, solution.descent.x, by)
+
+
+def budget_at(objective: Objective, x: Reals, by: Mapping[str, Reals] | None = None) -> Budget:
+    """Return the budget of every fitted parameter at a minimum; `by` as for `budget_of`.
+
+    Without it, misfit beyond the noise counts as noise.
+    """
     values, chain = objective.coordinates.forward(x)
     bent = curvature(objective, x)
     moved = chain @ bent.answer
     noise = np.sqrt(np.sum(moved[:, : bent.data] ** 2, axis=1))
     names = [prior.parameter for prior in objective.priors]
-    names += ["losses beforehand"] * (len(bent.rows) - bent.data - len(names))
+    told = sum(len(posterior.root) for posterior in objective.posteriors)
+    names += ["losses beforehand"] * (len(bent.rows) - bent.data - len(names) - told) + ["earlier steps"] * told
     held, tolerances = held_constants(objective.coordinates, values)
     assumed = _assumed(bent, slopes_by_held(objective, held, values)[: bent.data] / bent.scale, tolerances)
     parts = np.hstack([moved[:, bent.data :], chain @ assumed])

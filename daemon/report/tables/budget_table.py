@@ -24,6 +24,10 @@ def print_budget(console: Console, result: FitResult) -> None:
     _rows(table, result, budget.re, "")
     _rows(table, result, budget.im, " (im)")
     console.print(table)
+    shares = [*budget.re.values(), *budget.im.values()]
+    if not any(share.instrument or share.model for share in shares):
+        says = "this fit does not tell errors of instrument and model apart: what they leave counts as noise"
+        console.print(says, highlight=False)
     if budget.tolerances:
         tolerances = ", ".join(f"{name}, +-{tolerance:.2g}" for name, tolerance in budget.tolerances.items())
         console.print(f"held constants, not in u (SI units): {tolerances}", highlight=False)

@@ -17,6 +17,7 @@ from ...engine.parameters.assembly import effects_of, layers_of
 from ...engine.recording import rms
 from ...error_model.instrument_share import chi2_beside_instrument
 from ...interface import Constant, FitResult
+from ...uncertainty.budget import budget_at
 from ...uncertainty.derived import derived_constants
 from ...uncertainty.fit_result import curves_of, fitted_constants, strong_correlations
 from ...uncertainty.identifiability import separability
@@ -62,6 +63,7 @@ def stack_result(found: FittedStack, version: str, seconds: float) -> FitResult:
             *separability(layers, found.values, names, result.covariance, derived, highest),
         ),
         curves=curves_of(objective, found.descent.start, result.x),
+        budget=budget_at(objective, result.x),
     )
 
 

@@ -5,6 +5,7 @@ import os
 import complex_ceramic
 import numpy as np
 import pytest
+from budget_sums import assert_the_budget_adds_up
 from disk_build import disk_build
 
 from pzctl.fitters.disk.bare_disk import bare_disk
@@ -77,6 +78,7 @@ def test_a_known_disk_is_recovered_and_undetermined_constants_are_listed():
     noise = 2e-4 * (rng.normal(size=f.size) + 1j * rng.normal(size=f.size))
     sweep = Sweep(f, disk.impedance(f) * np.exp(noise))
     result = Disk2DFitter().fit(FitTask(disk_build(10, 1, 7700), {"disk": (sweep,)}))
+    assert_the_budget_adds_up(result)
     assert result.converged
     assert result.rms_log_error < 4e-4
     for name in CONSTANTS:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from budget_sums import assert_the_budget_adds_up
 
 from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.disk.radial import RadialLeastSquares
@@ -57,6 +58,12 @@ def test_constants_are_recovered_within_their_uncertainty(disk_build, swept):
         assert abs(found.re - truth.real) < 4 * found.u_re < 0.002 * abs(truth.real), name
         assert abs(found.im - truth.imag) < 4 * found.u_im, name
     assert result.constants["disk.alpha"].re == pytest.approx(0.70, abs=0.01)
+    assert_the_budget_adds_up(result)
+    assert result.budget is not None
+    # the resonances tell density times compliance, so that what one is off by the other is, too
+    compliance, density = result.constants["disk.s11E"].re, result.budget.tolerances["disk.density"]
+    assert result.budget.re["disk.s11E"].largest[0] == "disk.density"
+    assert result.budget.re["disk.s11E"].assumptions == pytest.approx(density / 7800.0 * compliance, rel=0.1)
 
 
 def test_one_mode_is_enough_where_poissons_ratio_is_known(disk_build, swept):

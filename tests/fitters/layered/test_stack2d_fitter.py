@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from budget_sums import assert_the_budget_adds_up
 from complex_ceramic import TENSOR
 
 from pzctl.daemon.files.builds.build_file import parse_build
@@ -109,6 +110,7 @@ def test_causal_constants_are_told_at_the_thickness_resonance():
     resonance = float(np.sqrt(plate.c33D.real / DISK.density)) / (2 * DISK.thickness)
     causal = {"disk": recorded(replace(DISK, law=CausalConstantQ(resonance)))}
     result = Stack2DFitter().fit(FitTask(parse_build(BUILD, "build.toml"), causal))
+    assert_the_budget_adds_up(result)
     (said,) = (text for text in result.says if text.startswith("Constants at"))
     assert float(said.split()[2]) == pytest.approx(resonance / 1e3, rel=1e-3)
     for name in CONSTANTS:
