@@ -43,6 +43,8 @@ class Sample:
     """Sentences that a person should read about the sample."""
     measurement: str | None = None
     """The journal's measurement of the last gluing step; None for a sample of a folder."""
+    build_file: Path | None = None
+    """The build file of a sample of a folder."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +156,8 @@ def folder_sample(folder: Path, free: tuple[str, ...] | None = None) -> Sample:
             f"{folder}: no recording; files named after the steps are needed: {', '.join(f'{s}.csv' for s in steps)}"
         )
         return Sample(folder.name, None, error, tuple(notes))
-    return Sample(folder.name, BatchJob(folder.name, FitTask(build, there, free)), notes=tuple(notes))
+    job = BatchJob(folder.name, FitTask(build, there, free))
+    return Sample(folder.name, job, notes=tuple(notes), build_file=folder / BUILD)
 
 
 def step_of(stem: str, steps: Sequence[str]) -> str | None:

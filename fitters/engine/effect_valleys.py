@@ -27,7 +27,7 @@ def deepest_valley(found: Descent, known: Sequence[KnownEffect]) -> Descent:
             if (knob.ripples or knob.delay) and name in found.objective.coordinates.free:
                 stated = one.spec.values[knob.name]
                 reach = _REACH * stated.u
-                low = stated.re / (1 + reach / stated.re) if knob.lower == 0 else max(knob.lower, stated.re - reach)
+                low = stated.re**2 / (stated.re + reach) if knob.lower == 0 else max(knob.lower, stated.re - reach)
                 found = _deepest(found, name, np.linspace(low, min(stated.re + reach, knob.upper), _PLACES))
     return found
 

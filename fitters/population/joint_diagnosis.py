@@ -2,16 +2,17 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from ...models.build import Build, Quantity
+from ...models.build import Build, EffectSpec, Quantity
 from ...models.effects import catalogue
 from ...models.stack import Stack
 from ..diagnosis.diagnose import diagnose
 from ..diagnosis.findings import Diagnosis, Finding
 from ..diagnosis.hypotheses.bench_effects import BenchEffect
+from ..diagnosis.hypotheses.held_out import BANDS
 from ..diagnosis.hypotheses.instrument_artefacts import UNKNOWN
 from ..engine.on_cores import available_cores
 from ..engine.parameters.assembly import stack_of
@@ -60,6 +61,19 @@ class JointDiagnosis:
     """Reason why a sample has no diagnosis or is not part of the joint one."""
     seconds: float
 
+    def effects_of(self, sample: str) -> tuple[EffectSpec, ...]:
+        """Return what a sample has, shared effects first, as its build may state it."""
+        return (*self.shared.stated, *self.own[sample].effects)
+
+
+@dataclass(frozen=True)
+class HowToDiagnose:
+    """What the diagnosis of each sample is asked for; see `diagnose`."""
+
+    effects: tuple[str, ...] | None = None
+    hold_out: str = BANDS
+    learn: bool = False
+
 
 @dataclass(frozen=True, eq=False)
 class _Survey:
@@ -76,7 +90,7 @@ class _Own:
     """Task for one sample: its own diagnosis on a bench with these effects."""
 
     job: BatchJob
-    effects: tuple[str, ...] | None
+    how: HowToDiagnose
     known: tuple[BenchEffect, ...]
 
 
@@ -85,35 +99,36 @@ def _surveyed(asked: _Survey) -> SampleEquations:
 
 
 def _own(asked: _Own) -> Diagnosis:
-    return diagnose(asked.job.task, asked.effects, known=asked.known)
+    how = asked.how
+    return diagnose(asked.job.task, how.effects, hold_out=how.hold_out, learn=how.learn, known=asked.known)
 
 
 def diagnose_together(
     jobs: Sequence[BatchJob],
     sheets: Mapping[str, Quantity],
-    effects: Collection[str] | None = None,
+    how: HowToDiagnose = HowToDiagnose(),
     client: Any = None,
     progress: Callable[[str], None] = lambda _: None,
     processes: int | None = None,
 ) -> JointDiagnosis:
     """Diagnose samples that were measured on the same bench.
 
-    `effects`: the effects to consider; None for all. `client`: of a Dask cluster, as from `on_dask`; None for so many
+    `client`: of a Dask cluster, as from `on_dask`; None for so many
     `processes` of this machine (None: one on each core). Raises TooFewSamplesError if fewer than two samples can be
     fitted.
     """
     if len(jobs) < _FEWEST:
         raise TooFewSamplesError(f"{len(jobs)} samples: two or more are needed to tell what they share")
     if client is not None:
-        return _diagnosed(jobs, sheets, effects, client, progress)
+        return _diagnosed(jobs, sheets, how, client, progress)
     with process_pool(min(len(jobs), processes or available_cores())) as pool:
-        return _diagnosed(jobs, sheets, effects, pool, progress)
+        return _diagnosed(jobs, sheets, how, pool, progress)
 
 
 def _diagnosed(
     jobs: Sequence[BatchJob],
     sheets: Mapping[str, Quantity],
-    effects: Collection[str] | None,
+    how: HowToDiagnose,
     workers: Any,
     progress: Callable[[str], None],
 ) -> JointDiagnosis:
@@ -123,7 +138,7 @@ def _diagnosed(
     builds = [job.task.build for job in jobs if job.task.build is not None]
     if not builds:
         raise TooFewSamplesError("no sample has a build file")
-    ends, knobs = ends_of([job.task for job in fit]), bench_effects(_last_stack(builds[0]), effects)
+    ends, knobs = ends_of([job.task for job in fit]), bench_effects(_last_stack(builds[0]), how.effects)
     odds = {one.name: one.odds for one in catalogue()}
 
     def survey(known: tuple[BenchEffect, ...]) -> list[SampleEquations]:
@@ -136,16 +151,15 @@ def _diagnosed(
             raise _LostError
         return [one for one in found if not isinstance(one, Failure)]
 
-    names = None if effects is None else tuple(effects)
-    alone = _exact_alone(fit, names, workers, progress)
+    alone = _exact_alone(fit, replace(how, learn=False), workers, progress)
     bench = exact_bench(alone, knobs)
     while bench is None:
         if len(fit) < _FEWEST:
             raise TooFewSamplesError(f"fewer than two samples can be fitted: {'; '.join(failed.values())}")
         with contextlib.suppress(_LostError):  # evidences of different sets of samples cannot be compared: start again
             bench = shared_bench(survey, knobs, ends, odds)
-    own = {} if bench.known else alone
-    asked = [_Own(job, names, bench.known) for job in fit if job.sample not in own]
+    own = {} if bench.known or how.learn else alone
+    asked = [_Own(job, how, bench.known) for job in fit if job.sample not in own]
     progress(f"diagnosing {len(asked)} samples")
     told = results_of(_own, asked, workers, lambda k, _: progress(f"{asked[k].job.sample} is diagnosed"))
     for one, answer in zip(asked, told, strict=True):
@@ -160,16 +174,16 @@ def _diagnosed(
 
 
 def _exact_alone(
-    jobs: Sequence[BatchJob], effects: tuple[str, ...] | None, workers: Any, progress: Callable[[str], None]
+    jobs: Sequence[BatchJob], how: HowToDiagnose, workers: Any, progress: Callable[[str], None]
 ) -> dict[str, Diagnosis]:
     """Return the diagnosis of each sample alone if none of them needs an error but white noise; else nothing.
 
     Two samples tell whether it is worth diagnosing the others.
     """
     found: dict[str, Diagnosis] = {}
-    for some in (jobs[:_FEWEST], jobs[_FEWEST:]):
+    for some in filter(None, (jobs[:_FEWEST], jobs[_FEWEST:])):
         progress(f"looking for errors of the analyzer in {', '.join(job.sample for job in some)}")
-        told = results_of(_own, [_Own(job, effects, ()) for job in some], workers)
+        told = results_of(_own, [_Own(job, how, ()) for job in some], workers)
         own = {job.sample: one for job, one in zip(some, told, strict=True) if isinstance(one, Diagnosis) and one.exact}
         if len(own) < len(some):
             return {}

@@ -13,7 +13,9 @@ from itertools import product
 import numpy as np
 
 from ...models.base.arrays import Reals
+from ...models.build import EffectSpec, Quantity
 from ...models.effects import EffectParameter
+from ...models.effects.base.effect import TERMINALS
 from ...models.effects.fixture_residual import EFFECT as FIXTURE_RESIDUAL
 from ...models.effects.fixture_residual import UNITS
 from ..diagnosis.decision_rules import NAMED, ODDS, TOLERATED, WORTH
@@ -102,6 +104,19 @@ class SharedBench:
     """Sizes of the model's own error, common to all samples."""
     not_shared: tuple[str, ...]
     """Effects that would explain much, but with a different size in each sample."""
+
+    @property
+    def stated(self) -> tuple[EffectSpec, ...]:
+        """Everything that all samples share as a build states it."""
+        sizes: dict[str, Mapping[str, SharedParameter]] = {one.effect: one.parameters for one in self.effects}
+        if self.fixture:
+            sizes[FIXTURE_RESIDUAL.name] = self.fixture
+        return tuple(
+            EffectSpec(
+                name, TERMINALS, {key: Quantity(one.value, u=one.u, source="diagnosis") for key, one in of.items()}
+            )
+            for name, of in sizes.items()
+        )
 
 
 _Part = tuple[SampleEquations, Reals, float]

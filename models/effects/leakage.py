@@ -9,7 +9,6 @@ from .base.assembly import Assembly
 from .base.effect import TERMINALS, Effect, EffectParameter, Stage
 from .base.scale import reactance, resonance
 
-
 _INSULATION = 1e-5, 2.3
 """Conductance over a rim or in a clip: from 10 Mohm where it was only touched to 1 kohm with flux or water, as two
 standard deviations, whatever the reactance of the device."""

@@ -53,7 +53,10 @@ def diagnose(
     picture: Annotated[Path | None, typer.Option(help="File of the picture: .png, .svg or .pdf.")] = None,
     every: Annotated[
         bool,
-        typer.Option("--all", help="Every sample of the journal, or of one FOLDER of sample folders: what they share."),
+        typer.Option(
+            "--all",
+            help="Every sample of the journal, or of one FOLDER of sample folders (then without --all, too).",
+        ),
     ] = False,
     jobs: Annotated[
         int | None, typer.Option(min=1, max=64, help="Number of processes; without it, one on each core.")
@@ -70,6 +73,7 @@ def diagnose(
     from ....fitters.engine.on_cores import available_cores
     from ....fitters.interface import FitTask
     from ....fitters.plugins import DEFAULT
+    from ....fitters.population.joint_diagnosis import HowToDiagnose
     from ....fitters.user_effects import find_any_effect
     from ...files.builds.build_file import read_build
     from ...files.builds.effects_writing import append_effects
@@ -83,6 +87,7 @@ def diagnose(
         if effects is None
         else tuple(find_any_effect(name).name for name in comma_names("--effects", effects, "cable,bond-layer"))
     )
+    every = every or _is_folder(recordings, build)
     if every or dask:
         if fitter != DEFAULT:
             raise UsageError(f"--all diagnoses the model of {DEFAULT}; --fitter does not go with it")
@@ -100,7 +105,8 @@ def diagnose(
             raise UsageError("--jobs does not go with --dask: its workers are the processes")
         from .diagnose_all import diagnose_all
 
-        diagnose_all(recordings or [], chosen, accuracy, dask, jobs, as_json=as_json)
+        how = HowToDiagnose(chosen, hold_out, learn)
+        diagnose_all(recordings or [], how, accuracy, dask, jobs, as_json=as_json)
         return
     stated = _of_one_sample(recordings, build, fitter)
     model = _model_of(fitter, learn=learn)
@@ -152,13 +158,18 @@ def _model_of(fitter: str, *, learn: bool) -> "Diagnosable | None":
     return model
 
 
+def _is_folder(recordings: list[str] | None, build: Path | None) -> bool:
+    """Return whether a folder of samples is given, which is diagnosed as with --all."""
+    return build is None and len(recordings or ()) == 1 and Path((recordings or [""])[0]).is_dir()
+
+
 def _of_one_sample(recordings: list[str] | None, build: Path | None, fitter: str) -> list[str]:
     """Return the recordings of one sample. Raises UsageError if they or the build are missing."""
     if not recordings:
         raise UsageError("no recording is given; STEP=FILE is needed, or --all")
     folder = next((one for one in recordings if Path(one).is_dir()), None)
     if folder is not None:
-        raise UsageError(f"{folder} is a folder; STEP=FILE is needed, or --all for the samples in a folder")
+        raise UsageError(f"{folder} is a folder; STEP=FILE is needed, or nothing but one folder of samples")
     if build is None and fitter != "bvd":
         raise UsageError("no build is given; --build is needed, or --fitter bvd for an unknown device")
     return recordings

@@ -11,13 +11,17 @@ from ....models.base.names import shown
 from .fit_options import UsageError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from ....fitters.population.batch import BatchJob
+    from ....fitters.population.joint_diagnosis import HowToDiagnose
+    from ....models.build import EffectSpec
     from ...samples.sample_selection import Sample
 
 
 def diagnose_all(
     words: list[str],
-    effects: tuple[str, ...] | None,
+    how: "HowToDiagnose",
     accuracy: float | None,
     dask: str | None,
     processes: int | None,
@@ -26,8 +30,12 @@ def diagnose_all(
 ) -> None:
     """Diagnose every sample of the journal, or of the one folder in `words`, together, and print the result.
 
+    If laws are to be learned, everything found is written to the build file of each sample of a folder; the builds in a
+    journal are a record, so for these samples it is printed.
+
     `accuracy`: of the analyzer, in per cent of |Z|. `processes`: how many at a time, None for one on each core. Raises
-    UsageError, NoSamplesError, JournalError, BatchError or TooFewSamplesError if there is nothing to diagnose together.
+    UsageError, NoSamplesError, JournalError, BatchError or TooFewSamplesError if there is nothing to diagnose together,
+    BuildError if a build file cannot be written.
     """
     from ....fitters.population.batch import on_dask
     from ....fitters.population.joint_diagnosis import diagnose_together
@@ -43,13 +51,33 @@ def diagnose_all(
     sheets = sheets_of(job.task.build for job in jobs if job.task.build is not None)
     screen = console(stderr=True)
     with on_dask(dask) if dask else contextlib.nullcontext() as client, screen.status("diagnosing") as status:
-        joint = diagnose_together(jobs, sheets, effects, client, status.update, processes)
+        joint = diagnose_together(jobs, sheets, how, client, status.update, processes)
     unread = {sample.name: str(sample.error) for sample in samples if sample.job is None}
     joint = replace(joint, failed={**unread, **joint.failed})
     if as_json:
         print(json.dumps(joint_json(joint)))
     else:
         print_joint(console(), joint)
+    if how.learn:
+        for sample in samples:
+            if sample.job is not None and sample.name in joint.own:
+                _state(sample, joint.effects_of(sample.name), console(stderr=as_json))
+
+
+def _state(sample: "Sample", effects: "tuple[EffectSpec, ...]", screen: "Console") -> None:
+    """Write what a sample has to its build file, or print it if it has none. Raises BuildError."""
+    from ...files.builds.effects_writing import append_effects, effects_text
+
+    names = ", ".join(f"{one.effect} at {one.where}" for one in effects)
+    build = None if sample.job is None else sample.job.task.build
+    if not effects or build is None:
+        return
+    if sample.build_file is not None:
+        append_effects(sample.build_file, effects)
+        screen.print(f"written to {sample.build_file}: {names}; `pzctl fit` uses it", soft_wrap=True)
+    else:
+        text = effects_text(effects, build)
+        screen.print(f"to be added to the build file of {sample.name}:\n{text}", soft_wrap=True, markup=False)
 
 
 def _samples(words: list[str]) -> "list[Sample]":

@@ -14,13 +14,18 @@ def append_effects(path: Path, specs: tuple[EffectSpec, ...]) -> None:
     try:
         before = path.read_text(encoding="utf-8-sig")
         build = parse_build(before, str(path))
-        text = before.rstrip() + "\n" + "".join(_section(spec, build) for spec in specs)
+        text = before.rstrip() + "\n" + effects_text(specs, build)
         parse_build(text, str(path))
         new = path.with_name(f"{path.name}.new")
         new.write_text(text, encoding="utf-8")
         new.replace(path)
     except OSError as error:
         raise BuildError(f"{path}: the effects cannot be written: {error.strerror or error}") from None
+
+
+def effects_text(specs: tuple[EffectSpec, ...], build: Build) -> str:
+    """Return the sections of these effects in a build file."""
+    return "".join(_section(spec, build) for spec in specs)
 
 
 def _section(spec: EffectSpec, build: Build) -> str:

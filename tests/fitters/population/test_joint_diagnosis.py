@@ -1,20 +1,24 @@
 """Shared effects of samples of one bench: a common lead is found, different leads are not, and no effect gives none."""
 
+import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from pzctl.daemon.cli.commands import app
 from pzctl.daemon.files.builds.build_file import THESIS_BUILD, read_build
+from pzctl.drivers.recordings.write import write_csv
 from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.diagnosis.hypotheses.bench_effects import BenchEffect
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitTask
 from pzctl.fitters.population.batch import BatchJob, Failure, results_of
 from pzctl.fitters.population.exact_bench import exact_bench
-from pzctl.fitters.population.joint_diagnosis import TooFewSamplesError, diagnose_together
+from pzctl.fitters.population.joint_diagnosis import HowToDiagnose, TooFewSamplesError, diagnose_together
 from pzctl.fitters.population.process_pool import process_pool
 from pzctl.fitters.population.sample_equations import SampleEquations, bench_effects, ends_of, sample_equations
 from pzctl.fitters.population.shared_effects import SharedBench, shared_bench
@@ -114,11 +118,25 @@ def test_without_errors_of_the_analyzer_a_lead_is_no_cable() -> None:
 
 
 @pytest.mark.long
+def test_what_each_sample_of_a_folder_has_is_written_to_its_build(tmp_path: Path) -> None:
+    for name, task in bench([2e-8] * 2, 9, 0.0).items():
+        (tmp_path / name).mkdir()
+        shutil.copy(THESIS_BUILD, tmp_path / name / "build.toml")
+        write_csv(task.sweeps["disk"][0], tmp_path / name / "disk.csv")
+    done = CliRunner().invoke(app, ["diagnose", str(tmp_path), "--learn", "--effects", "lead-inductance"])
+    assert done.exit_code == 0, done.output
+    for name in ("S1", "S2"):
+        (lead,) = read_build(tmp_path / name / "build.toml").effects
+        assert lead.values["inductance"].re == pytest.approx(2e-8, rel=0.05)
+        assert f"written to {tmp_path / name / 'build.toml'}: lead-inductance at terminals" in done.output
+
+
+@pytest.mark.long
 def test_a_sample_that_cannot_be_fitted_does_not_stop_the_others() -> None:
     tasks = dict(bench([9e-9] * 2, 8))
     flat = FitTask(BUILD, {"disk": (Sweep(F, np.full(F.size, 50.0 + 0j)),)})
     jobs = [BatchJob(name, task) for name, task in (*tasks.items(), ("flat", flat))]
-    joint = diagnose_together(jobs, {}, ("lead-inductance",))
+    joint = diagnose_together(jobs, {}, HowToDiagnose(("lead-inductance",)))
     assert set(joint.own) == set(tasks)
     assert set(joint.failed) == {"flat"}
     assert all(one.verdict == "no-mismatch" for one in joint.own.values())
