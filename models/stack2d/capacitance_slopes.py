@@ -6,7 +6,7 @@ rim. Every derivative therefore follows from two matrices of second moments, and
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 
@@ -14,6 +14,10 @@ from ..base.arrays import Complexes, Frequencies
 from .opened import OpenedSection, OpenedWaves
 from .section import INERTIAL, LAYER_CONSTANTS, PERMITTIVITY, VISCOUS, CrossSection
 from .waves import Motion, Rim, Sizes, Waves, WholeMotion, motion
+from .zones import ZonedSection, ZonedWaves
+
+Section: TypeAlias = CrossSection | ZonedSection
+"""Functions of z of a stack, everywhere the same or part by part."""
 
 _ALIKE = 1e-5
 # Relative difference of squared wave numbers below which two waves are integrated as one: the closed form cancels.
@@ -41,23 +45,29 @@ class StackCapacitance:
 class StackWaves:
     """The waves of a stack at some frequencies, from which its capacitance follows."""
 
-    section: CrossSection
+    section: Section
     sizes: Sizes
     apart: tuple[int, int] | None
     """Indices of the layers that face each other where a bond may be open; None if none may."""
-    chunks: tuple[Waves | OpenedWaves, ...]
+    chunks: tuple[Waves | OpenedWaves | ZonedWaves, ...]
 
     @classmethod
     def of(
         cls,
-        section: CrossSection,
+        section: Section,
         sizes: Sizes,
         values: Complexes,
         frequency: Frequencies,
         apart: tuple[int, int] | None = None,
     ) -> Self:
-        """Return the waves for constants of shape (F, 11 L + 2), SI, at frequencies in Hz. Raises StackError."""
+        """Return the waves for constants of shape (F, 11 L + 2), SI, at frequencies in Hz. Raises StackError.
+
+        `apart` is for a whole section only.
+        """
         parts = [slice(start, start + _CHUNK) for start in range(0, frequency.size, _CHUNK)]
+        if isinstance(section, ZonedSection):
+            zoned = tuple(ZonedWaves.of(section, sizes, values[at], frequency[at]) for at in parts)
+            return cls(section, sizes, None, zoned)
         if apart is None:
             return cls(section, sizes, None, tuple(Waves.of(section, sizes, values[at], frequency[at]) for at in parts))
         opened = OpenedSection.of(section, apart)
@@ -82,16 +92,18 @@ class StackWaves:
         for one in self.chunks:
             if isinstance(one, Waves):
                 yield motion(one, self.sizes)
+            elif isinstance(one, ZonedWaves):
+                yield one.motion()
             else:
                 yield one.motion(fraction) if fraction > 0 else motion(one.around, self.sizes)
 
 
-def capacitance(section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Complexes:
+def capacitance(section: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Complexes:
     """Return Y/(jw) in F, shape (F,), for constants of shape (F, 11 L + 2), SI. Raises StackError."""
     return StackWaves.of(section, sizes, values, frequency).capacitance()
 
 
-def _slopes(section: CrossSection, sizes: Sizes, found: WholeMotion) -> StackCapacitance:
+def _slopes(section: Section, sizes: Sizes, found: WholeMotion) -> StackCapacitance:
     count = found.capacitance.size
     by_constant = np.zeros((count, section.layers * len(LAYER_CONSTANTS) + 2), np.complex128)
     by_thickness = np.zeros((count, section.layers), np.complex128)

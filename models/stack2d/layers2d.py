@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -26,9 +26,15 @@ def order_of(thickness: float, speed: float, highest: float) -> int:
     return math.ceil(phase / 2) + (_MARGIN if phase > _THIN else 2)
 
 
+def require_part(what: str, part: float) -> None:
+    """Raise StackError unless the radius of something is a part of that of the stack."""
+    if not 0 < part <= 1:
+        raise StackError(f"{what} has {part:g} of the radius of the stack; more than 0 and at most 1 is allowed")
+
+
 @dataclass(frozen=True)
 class Ceramic2D:
-    """A poled ceramic with electrodes over both faces."""
+    """A poled ceramic with electrodes on both faces."""
 
     name: str
     constants: Tensor6mm
@@ -43,9 +49,14 @@ class Ceramic2D:
     """The same for the five stiffnesses, if they have another law."""
     dielectric: LossLaw | None = None
     """The same for both permittivities."""
+    electrode: float = 1.0
+    """Radius of both electrodes over that of the stack, at most 1."""
+    reach: ClassVar[float] = 1.0
+    """Radius over that of the stack."""
 
     def __post_init__(self) -> None:
         require_positive(f"layer {self.name!r}", thickness=self.thickness, density=self.density)
+        require_part(f"layer {self.name!r}: its electrode", self.electrode)
 
     def law_of(self, constant: str) -> LossLaw:
         """Return the law of one of CONSTANTS."""
@@ -109,8 +120,11 @@ class Isotropic:
     """Poisson's ratio, -1 to 0.5, both excluded."""
     law: LossLaw = CONSTANT
     """Continuation of both moduli to other frequencies."""
+    reach: float = 1.0
+    """Radius over that of the stack, at most 1."""
 
     def __post_init__(self) -> None:
+        require_part(f"layer {self.name!r}", self.reach)
         require_positive(f"layer {self.name!r}", thickness=self.thickness, z=self.z, c=self.c, q=self.q)
         if not -1 < self.poisson < 0.5:
             raise StackError(f"layer {self.name!r}: Poisson's ratio is {self.poisson:g}; -1 to 0.5 is allowed")

@@ -1,8 +1,7 @@
 """A stack whose bond is open from the axis to a radius: the motion within, the motion around, and their contact.
 
 Within the radius nothing joins the layers before and behind the opening, so that they carry waves of their own; around
-it the stack is whole. At the radius both parts have the same displacements and potentials, and the forces of the parts
-within add up to those around (mode matching): linear equations for the amplitudes of all waves.
+it the stack is whole.
 """
 
 import math
@@ -15,8 +14,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from ..base.arrays import Complexes, Frequencies, Reals
-from .section import PERMITTIVITY, CrossSection
-from .waves import Side, Sizes, Waves, WholeMotion, decaying, standing
+from .joined import Contact, as_sums, joined
+from .section import CrossSection
+from .waves import Side, Sizes, Waves, WholeMotion
 
 Flags: TypeAlias = NDArray[np.bool_]
 _SAME = 1e-10
@@ -49,8 +49,9 @@ class OpenedSection:
     def of(cls, whole: CrossSection, apart: tuple[int, int]) -> Self:
         """Return the section opened between two layers, given by their indices; a layer between them is missing."""
         behind, ahead = apart
-        last, first = sum(whole.orders[: behind + 1]), sum(whole.orders[:ahead])  # nodes on both sides of the opening
-        full = CrossSection.of(whole.orders, whole.piezo, apart)
+        sizes = [line.size - 1 for line in whole.lines]
+        last, first = sum(sizes[: behind + 1]), sum(sizes[:ahead])  # nodes on both sides of the opening
+        full = CrossSection.of(whole.lines, whole.piezo, missing=range(behind + 1, ahead), torn=ahead)
         functions, maps, of_behind = dict[str, Reals](), dict[str, Reals](), dict[str, Flags]()
 
         def torn(columns: Reals) -> tuple[Reals, Reals]:
@@ -61,12 +62,12 @@ class OpenedSection:
             sides = torn(whole.shapes[name])
             parts = [_independent(side) for side in sides]
             functions[name] = np.hstack(parts)
-            maps[name] = _as_sums(sides[0] + sides[1], functions[name])
+            maps[name] = as_sums(sides[0] + sides[1], functions[name])
             of_behind[name] = np.repeat([True, False], [part.shape[1] for part in parts])
         # the potential stays within the ceramic: its face at the opening is one of the two
         ceramic_behind = whole.piezo <= behind
         p = torn(whole.shapes["p"])[0 if ceramic_behind else 1]
-        functions["q"] = _as_sums(p[:, 1:], full.shapes["p"][:, 1:])
+        functions["q"] = as_sums(p[:, 1:], full.shapes["p"][:, 1:])
         maps["q"] = np.eye(p.shape[1] - 1)
         of_behind["w"] = np.append(of_behind["w"], np.full(p.shape[1] - 1, ceramic_behind))
         one, other = (
@@ -79,11 +80,6 @@ def _independent(columns: Reals) -> Reals:
     """Return orthonormal columns that span these."""
     vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     return np.asarray(vectors[:, sizes > _SAME * sizes[0]], np.float64)
-
-
-def _as_sums(columns: Reals, of: Reals) -> Reals:
-    """Return the coefficients of columns as sums of those of another matrix."""
-    return np.asarray(np.linalg.lstsq(of, columns)[0], np.float64)
 
 
 def _on_diagonal(blocks: Sequence[Reals]) -> Reals:
@@ -107,22 +103,6 @@ class OpenedWaves:
 
     def motion(self, fraction: float) -> WholeMotion:
         """Return the motion of the stack for one volt if this part of the bond is open."""
-        within, around, J, a = self.within, self.around, self.section.jumps, self.sizes.radius / self.sizes.unit
-        b = math.sqrt(fraction) * a
-        axis, ring = standing(within.k, b, b), around.doubled
-        inner, outer = (standing(around.k, r, a).beside(decaying(around.k, r, b)) for r in (b, a))
-        count, n, m = *within.k.shape, around.k.shape[1]
-        moved = np.concatenate([within.displacements(axis), -(J @ ring.displacements(inner))], axis=2)
-        pulled = np.concatenate([J.T @ within.stresses(axis), -ring.stresses(inner)], axis=2)
-        free = np.concatenate([np.zeros((count, m, n)), ring.stresses(outer)], axis=2)
-        right = np.concatenate(
-            [around.still @ J.T - within.still, around.forces - within.forces @ J, -around.forces], axis=1
-        )
-        equations = np.concatenate([moved, pulled, free], axis=1)
-        amplitudes = np.asarray(np.linalg.solve(equations, right[:, :, None])[:, :, 0], np.complex128)
-        parts = (
-            within.with_amplitudes(amplitudes[:, :n], None, axis),
-            ring.with_amplitudes(amplitudes[:, n:], inner, outer),
-        )
-        charge = within.charge(parts[0]) + around.charge(parts[1])
-        return WholeMotion(charge * PERMITTIVITY * self.sizes.unit, parts)
+        a = self.sizes.radius / self.sizes.unit
+        contact = Contact(self.section.jumps, False, np.zeros(len(self.section.jumps)))
+        return joined((self.within, self.around), (math.sqrt(fraction) * a, a), (contact,), self.sizes)

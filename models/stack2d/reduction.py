@@ -5,61 +5,88 @@ and by dielectric energy, become the functions (proper orthogonal decomposition)
 functions, because it moves symmetrically; a glued one two thirds. Along r nothing is reduced.
 """
 
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
 import numpy as np
-from scipy.special import jve
 
 from ..base.arrays import Complexes, Frequencies, Reals
-from .capacitance_slopes import capacitance
+from .capacitance_slopes import Section, capacitance
+from .joined import as_sums
 from .section import STATIC, CrossSection
 from .waves import Motion, Sizes, Waves, motion
+from .zones import ZonedSection, ZonedWaves, inherited
 
 KEPT = 5e-4
 """Singular values below this part of the largest are left out; the capacitance is stationary, its error far smaller."""
 _PLACES = 48
 # Places between axis and rim, denser towards the rim.
+_SAME = 1e-9
+# Part of the largest energy below which a function is a sum of others.
 _RADIAL = 10.0
 # Weight of the energy of a motion that is even through the thickness: of waves about a third of a thickness long.
 
 
-def reduced(
-    section: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies, kept: float = KEPT
-) -> CrossSection:
+def reduced(section: Section, sizes: Sizes, values: Complexes, frequency: Frequencies, kept: float = KEPT) -> Section:
     """Return the section over the functions that describe these frequencies in Hz, shape (F,).
 
     `values`: constants, shape (F, 11 L + 2), SI. Raises StackError.
     """
-    whole = motion(Waves.of(section, sizes, values, frequency), sizes)
-    (found,) = whole.parts
-    elastic_u, elastic_w, dielectric = _energies(section, found)
-    samples = _samples(found, whole.capacitance)
-    u, size_u = _leading(samples["U"], elastic_u)
-    w, size_w = _leading(samples["W"], elastic_w)
-    p, size_p = _leading(samples["P"], dielectric)
-    largest = max(float(size_u[0]), float(size_w[0]))
-    u, w, p = u[:, size_u > kept * largest], w[:, size_w > kept * largest], p[:, size_p > kept * size_p[0]]
-    return section.projected({"u": u, "w": w, "q": p})
+    if isinstance(section, CrossSection):
+        whole = motion(Waves.of(section, sizes, values, frequency), sizes)
+        return _reduced_part(section, whole.parts[0], whole.capacitance, kept, {})
+    whole = ZonedWaves.of(section, sizes, values, frequency).motion()
+    made: list[CrossSection] = []
+    for own, part in zip(section.sections, whole.parts, strict=True):
+        # outwards each part has the functions of the one within it, and further ones
+        given = inherited(made[-1], own) if made else {}
+        made.append(_reduced_part(own, part, whole.capacitance, kept, given))
+    return ZonedSection.joining(made, section.reaches)
 
 
-def error(section: CrossSection, finer: CrossSection, sizes: Sizes, values: Complexes, frequency: Frequencies) -> float:
+def error(section: Section, finer: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> float:
     """Return the root mean square relative difference of the capacitances of two sections at frequencies in Hz."""
     ratio = capacitance(section, sizes, values, frequency) / capacitance(finer, sizes, values, frequency)
     return float(np.sqrt(np.mean(np.abs(ratio - 1) ** 2)))
 
 
+def _reduced_part(
+    section: CrossSection, found: Motion, capacitance: Complexes, kept: float, given: Mapping[str, Reals]
+) -> CrossSection:
+    """Return the section of a part over functions that its motion needs, and those `given` over its nodes."""
+    samples, shapes = _samples(found, capacitance), section.shapes
+    columns = {name: np.hstack([one.real, one.imag]) for name, one in samples.items()}
+    u, w, q = (_Energy(own) for own in _energies(section, found))
+    first = {name: [as_sums(given[name], shapes[name])] if given else [] for name in ("u", "w")}
+    of_q = [as_sums(given["p"], shapes["p"][:, 1:])] if given else []
+    if section.floats:
+        of_q.insert(0, np.eye(shapes["p"].shape[1] - 1)[:, :1])
+    largest = max(u.largest(columns["U"]), w.largest(columns["W"]))
+    return section.projected(
+        {
+            "u": u.spanning(first["u"], columns["U"], kept * largest),
+            "w": w.spanning(first["w"], columns["W"], kept * largest),
+            "q": q.spanning(of_q, columns["P"], kept * q.largest(columns["P"])),
+        }
+    )
+
+
 def _samples(found: Motion, capacitance: Complexes) -> dict[str, Complexes]:
-    """Return the motion at places between axis and rim as columns, each weighted by the root of its area."""
-    radius = found.outer.radius
-    ends = radius * np.cos(np.linspace(0, np.pi / 2, _PLACES + 1))
+    """Return the motion at places between both radii as columns, each weighted by the root of its area."""
+    radius, start = found.outer.radius, 0.0 if found.inner is None else found.inner.radius
+    # denser towards a radius where something ends
+    turn = np.linspace(np.pi / 2 if found.inner is None else np.pi, 0.0, _PLACES + 1)
+    part = np.cos(turn) if found.inner is None else (1 + np.cos(turn)) / 2
+    ends = start + (radius - start) * part
     size = np.sqrt(np.abs(capacitance))[:, None]
     columns: dict[str, list[Complexes]] = {"U": [], "W": [], "P": []}
-    for outer, inner in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        grown = np.exp(np.abs(found.k.imag) * (outer - radius)) * np.sqrt(outer * (outer - inner))
-        for name, order in (("U", 1), ("W", 0), ("P", 0)):
-            along = np.asarray(jve(order, found.k * outer), np.complex128)
-            there = np.einsum("fin,fn->fi", found.waves[name], along * grown)
-            if order == 0:
+    for inner, outer in pairwise(ends.tolist()):
+        rim, area = found.rim(outer), np.sqrt(outer * (outer - inner))
+        for name, along in (("U", rim.one), ("W", rim.zero), ("P", rim.zero)):
+            there = np.einsum("fin,fn->fi", found.waves[name], along * area)
+            if name != "U":
                 wide = found.wide[name] if name == "W" else found.wide[name][:, 1:]
-                there = there + wide * np.sqrt(outer * (outer - inner))
+                there = there + wide * area
             columns[name].append(there / size)
     return {name: np.concatenate(parts).T for name, parts in columns.items()}
 
@@ -78,9 +105,28 @@ def _energies(section: CrossSection, found: Motion) -> tuple[Reals, Reals, Reals
     return u, w, -(static("P", "P")[1:, 1:] + _RADIAL * static("kP", "kP"))
 
 
-def _leading(columns: Complexes, energy: Reals) -> tuple[Reals, Reals]:
-    """Return functions of unit energy, shape (n, n), and the size of each in the columns, falling, shape (n,)."""
-    root = np.linalg.cholesky(energy)
-    both = np.hstack([columns.real, columns.imag])
-    vectors, sizes, _ = np.linalg.svd(root.T @ both, full_matrices=False)
-    return np.asarray(np.linalg.solve(root.T, vectors), np.float64), np.asarray(sizes, np.float64)
+class _Energy:
+    """Functions of one kind, measured by their energy."""
+
+    def __init__(self, energy: Reals) -> None:
+        """`energy`: real symmetric positive, shape (n, n)."""
+        self._root = np.linalg.cholesky(energy)
+
+    def largest(self, columns: Reals) -> float:
+        """Return the largest singular value of functions, columns of shape (n, N)."""
+        return float(np.linalg.norm(self._root.T @ columns, 2)) if columns.size else 0.0
+
+    def spanning(self, given: Sequence[Reals], columns: Reals, least: float) -> Reals:
+        """Return functions of unit energy, shape (n, m), that span those `given`, one group after the other.
+
+        Further ones describe what these leave of `columns`: its singular vectors, of values above `least`.
+        """
+        made = np.zeros((len(self._root), 0))
+        for group, limit in (*((one, None) for one in given), (columns, least)):
+            left = self._root.T @ group
+            left = left - made @ (made.T @ left)
+            if not left.size:
+                continue
+            vectors, sizes, _ = np.linalg.svd(left, full_matrices=False)
+            made = np.hstack([made, vectors[:, sizes > (_SAME * sizes[0] if limit is None else limit)]])
+        return np.asarray(np.linalg.solve(self._root.T, made), np.float64)

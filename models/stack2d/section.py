@@ -11,15 +11,15 @@ Each term is a constant of a layer, times a power of its thickness, times a real
 Layers have polynomials of their own degree; u_r and u_z are continuous, the potential vanishes on the electrodes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from ..base.arrays import Complexes, Reals
-from ..disk2d.line_elements import LineElements
 from ..disk2d.matrices import CONSTANTS
+from .line import Line
 
 LAYER_CONSTANTS = (*CONSTANTS, "density")
 """The constants of a layer, in the order used throughout; an elastic layer has no piezoelectric ones."""
@@ -75,7 +75,7 @@ class Block:
     def weighted(self, weights: Complexes) -> Complexes:
         """Return the sums with weights of shape (F, T), shape (F, n, m)."""
         count, n, m = self.matrices.shape
-        return (weights @ self.matrices.reshape(count, n * m)).reshape(-1, n, m)
+        return (weights @ self.matrices.reshape(count, n * m)).reshape(len(weights), n, m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,29 +85,37 @@ class CrossSection:
     blocks: Mapping[tuple[str, str], Block]
     shapes: Mapping[str, Reals]
     """Of `u`, `w`, `p`: functions as columns over the nodes of all layers, shapes (nz, n); of `p` the lift is first."""
-    orders: tuple[int, ...]
-    """Degrees of the polynomials of all layers, back to front."""
+    lines: tuple[Line, ...]
+    """Elements of all layers from 0 to 1, back to front."""
     piezo: int
     """Index of the piezoelectric layer."""
+    ends: tuple[tuple[int, int] | None, ...]
+    """First and last node of each layer, None for one that is missing."""
+    floats: bool = False
+    """Whether the ceramic has no electrodes here: its potential is free, and a constant is the first of `q`."""
 
     @classmethod
-    def of(cls, orders: Sequence[int], piezo: int, apart: tuple[int, int] | None = None) -> Self:
-        """Return the section of layers, back to front, with polynomials of these degrees.
+    def of(
+        cls,
+        lines: Sequence[Line],
+        piezo: int,
+        *,
+        missing: Collection[int] = (),
+        torn: int | None = None,
+        floats: bool = False,
+    ) -> Self:
+        """Return the section of layers, back to front, with these elements from 0 to 1.
 
-        `piezo`: index of the piezoelectric layer, which has the electrodes on its faces. `apart`: indices of two layers
-        that face each other without contact, if there are such; a layer between them is missing.
+        `piezo`: index of the piezoelectric layer, which has the electrodes on its faces unless it `floats`. `missing`:
+        indices of layers that are not there; `torn`: that of a layer that does not touch the one behind it.
         """
-        ends = _ends(orders, apart)
-        nodes, start = _count(ends), (ends[piezo] or (0, 0))[0]
-        within = slice(start, start + orders[piezo] + 1)
-        p = np.zeros((nodes, orders[piezo]))
-        own = LineElements(np.array([0.0, 1.0]), orders[piezo])
-        p[within, 0] = own.nodes
-        p[within, 1:] = np.eye(orders[piezo] + 1)[:, 1:-1]
+        ends = _ends(lines, missing, torn)
+        nodes = _count(ends)
+        p = _potentials(lines[piezo], ends[piezo], nodes, floats=floats)
         eye = np.eye(nodes)
-        blocks = {pair: _nodal(pair, orders, ends, piezo) for pair in PAIRS}
+        blocks = {pair: _nodal(pair, lines, ends, piezo) for pair in PAIRS}
         shapes = {"u": eye, "w": eye, "p": p}
-        return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, tuple(orders), piezo)
+        return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, tuple(lines), piezo, tuple(ends), floats)
 
     @property
     def is_whole(self) -> bool:
@@ -116,9 +124,14 @@ class CrossSection:
         return nodes == functions
 
     @property
+    def driven(self) -> bool:
+        """Whether it has electrodes."""
+        return bool(np.any(self.shapes["p"][:, 0]))
+
+    @property
     def layers(self) -> int:
         """Number of layers."""
-        return len(self.orders)
+        return len(self.lines)
 
     def projected(self, shapes: Mapping[str, Reals]) -> Self:
         """Return the section over sums of its functions: columns of `shapes` for each of `u`, `w`, `q`."""
@@ -131,8 +144,8 @@ class CrossSection:
 
     @property
     def size(self) -> int:
-        """Number of waves along r: that of the functions without the lift."""
-        return sum(shape.shape[1] for shape in self.shapes.values()) - 1
+        """Number of waves along r: that of the functions without the lift and the constant potential."""
+        return sum(shape.shape[1] for shape in self.shapes.values()) - 1 - self.floats
 
 
 def _projected(blocks: Mapping[tuple[str, str], Block], shapes: Mapping[str, Reals]) -> dict[tuple[str, str], Block]:
@@ -143,17 +156,17 @@ def _projected(blocks: Mapping[tuple[str, str], Block], shapes: Mapping[str, Rea
     }
 
 
-def _ends(orders: Sequence[int], apart: tuple[int, int] | None) -> list[tuple[int, int] | None]:
-    """Return the first and last node of each layer, None for one that is missing: neighbours share one."""
-    first, made = 0, list[tuple[int, int] | None]()
-    behind, ahead = apart or (len(orders), len(orders))
-    for layer, order in enumerate(orders):
-        if behind < layer < ahead:
+def _ends(lines: Sequence[Line], missing: Collection[int], torn: int | None) -> list[tuple[int, int] | None]:
+    """Return the first and last node of each layer, None for one that is missing: layers in contact share one."""
+    last, made = -1, list[tuple[int, int] | None]()
+    for layer, line in enumerate(lines):
+        if layer in missing:
             made.append(None)
             continue
-        first += layer == ahead
-        made.append((first, first + order))
-        first += order
+        joined = layer > 0 and made[-1] is not None and layer != torn
+        first = last if joined else last + 1
+        last = first + line.size - 1
+        made.append((first, last))
     return made
 
 
@@ -162,13 +175,31 @@ def _count(ends: Sequence[tuple[int, int] | None]) -> int:
     return max(own[1] for own in ends if own is not None) + 1
 
 
-def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: Sequence[tuple[int, int] | None], piezo: int) -> Block:
+def _potentials(line: Line, ends: tuple[int, int] | None, nodes: int, *, floats: bool) -> Reals:
+    """Return the functions of the potential over the nodes, the lift of one volt first, shape (nodes, n).
+
+    It is nothing where there are no electrodes.
+    """
+    if ends is None:
+        return np.zeros((nodes, 1))
+    within = slice(ends[0], ends[1] + 1)
+    p = np.zeros((nodes, line.size + 1 if floats else line.size - 1))
+    if floats:
+        p[within, 1] = 1.0
+        p[within, 2:] = np.eye(line.size)[:, 1:]
+    else:
+        p[within, 0] = line.nodes
+        p[within, 1:] = np.eye(line.size)[:, 1:-1]
+    return p
+
+
+def _nodal(pair: tuple[str, str], lines: Sequence[Line], ends: Sequence[tuple[int, int] | None], piezo: int) -> Block:
     """Return a block over the nodes of all layers."""
     nodes = _count(ends)
     terms: list[FormTerm] = []
     matrices: list[Reals] = []
-    for layer, order in enumerate(orders):
-        element, own = LineElements(np.array([0.0, 1.0]), order), ends[layer]
+    for layer, line in enumerate(lines):
+        own = ends[layer]
         if own is None:
             continue
         at = slice(own[0], own[1] + 1)
@@ -177,7 +208,7 @@ def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: Sequence[tuple[in
             if layer != piezo and name.startswith("e"):
                 continue
             matrix = np.zeros((nodes, nodes))
-            matrix[at, at] = factor * element.integral(first, second).toarray()
+            matrix[at, at] = factor * line.integral(first, second)
             index = layer * len(LAYER_CONSTANTS) + constant
             terms.append(FormTerm(index, layer, 1 - first - second, frequency))
             matrices.append(matrix)
@@ -185,9 +216,9 @@ def _nodal(pair: tuple[str, str], orders: Sequence[int], ends: Sequence[tuple[in
         for face, node in enumerate((0, nodes - 1)):
             matrix = np.zeros((nodes, nodes))
             matrix[node, node] = 1.0
-            terms.append(FormTerm(len(orders) * len(LAYER_CONSTANTS) + face, 0, 0, VISCOUS))
+            terms.append(FormTerm(len(lines) * len(LAYER_CONSTANTS) + face, 0, 0, VISCOUS))
             matrices.append(matrix)
-    return Block(tuple(terms), np.array(matrices))
+    return Block(tuple(terms), np.array(matrices).reshape(len(terms), nodes, nodes))
 
 
 _TERMS: Mapping[tuple[str, str], tuple[tuple[str, float, int, int, int], ...]] = {

@@ -13,25 +13,27 @@ from ..base.face_loads import Load, OpenBond
 from ..base.model import Model
 from ..base.names import require
 from ..stack.loss_laws import LawKind, LossLaw, StackError, require_positive
-from .capacitance_slopes import StackCapacitance, StackWaves
+from .capacitance_slopes import Section, StackCapacitance, StackWaves
 from .layers2d import Ceramic2D, Isotropic, order_of
+from .line import Line
 from .opened import Opening
 from .reduction import KEPT, error, reduced
 from .section import LAYER_CONSTANTS, CrossSection
 from .waves import Sizes
+from .zones import ZonedSection
 
 Layer2D: TypeAlias = Ceramic2D | Isotropic
 _FINER = 4
 # Degrees that a section has more in the estimate of the error of its degrees.
-_PLACES = 24
-# Frequencies whose motion is sampled for a reduced section.
+_PLACES, _PLACES_OF_PARTS = 24, 12
+# Frequencies whose motion is sampled for a reduced section, and for one of several parts, which takes longer.
 _CHORD, _SMALLEST = 1e-3, 0.01
 # Step of a derivative by the part of a bond that is open, relative to it, and where it is not open yet.
 
 
 @dataclass(frozen=True)
 class Stack2D:
-    """Round layers of one diameter, free at the rim, in two dimensions. Satisfies `Model`, `HasLaws`, `HasFaces`.
+    """Round layers, free at the rim, in two dimensions. Satisfies `Model`, `HasLaws`, `HasFaces`.
 
     The loads act on the axial motion of the faces, as in one dimension: a force per area of -z times the velocity.
     """
@@ -39,8 +41,8 @@ class Stack2D:
     layers: tuple[Layer2D, ...]
     """Back to front; one of them is a ceramic."""
     area: float
-    """m2."""
-    section: CrossSection
+    """m2, of the ceramic."""
+    section: Section
     """Functions of z of these layers, from `full_section` or `with_reduced_section`."""
     back: float = 0.0
     """Specific acoustic impedance behind, Rayl."""
@@ -93,9 +95,9 @@ class Stack2D:
     def faces_for(self, load: type[Load]) -> tuple[str, ...]:
         """Return the interfaces, at which a bond may be open; nothing else lies on its faces. See `HasFaces`.
 
-        None if the section is reduced: the motion at an opening needs functions of its own.
+        None if the section is reduced, for the motion at an opening needs functions of its own, or if it has parts.
         """
-        if load is not OpenBond or not self.section.is_whole:
+        if load is not OpenBond or isinstance(self.section, ZonedSection) or not self.section.is_whole:
             return ()
         return tuple(f"interface:{a.name}|{b.name}" for a, b in pairwise(self.layers))
 
@@ -191,7 +193,7 @@ class _Known:
 
     def serves(
         self,
-        section: CrossSection,
+        section: Section,
         sizes: Sizes,
         apart: tuple[int, int] | None,
         values: Complexes,
@@ -203,16 +205,29 @@ class _Known:
         return alike and np.array_equal(self.frequency, frequency) and np.array_equal(self.values, values)
 
 
-def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> CrossSection:
+def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> Section:
     """Return the section of these layers up to a frequency in Hz; `finer`: further degrees of every layer.
 
     Raises StackError unless exactly one of the layers is a ceramic.
     """
-    ceramics = [k for k, layer in enumerate(layers) if isinstance(layer, Ceramic2D)]
+    ceramics = [layer for layer in layers if isinstance(layer, Ceramic2D)]
     if len(ceramics) != 1:
         raise StackError(f"stack: {len(ceramics)} of its layers are piezoelectric; exactly one is allowed")
-    orders = [order_of(layer.thickness, layer.shear_speed, highest) + finer for layer in layers]
-    return CrossSection.of(orders, ceramics[0])
+    (ceramic,) = ceramics
+    degrees = [order_of(layer.thickness, layer.shear_speed, highest) + finer for layer in layers]
+    reaches, piezo = [layer.reach for layer in layers], layers.index(ceramic)
+    if min(*reaches, ceramic.electrode) == 1:
+        return CrossSection.of([Line.of(degree) for degree in degrees], piezo)
+    whole = sum(layer.thickness for layer in layers)
+    ends = [ceramic.electrode if layer is ceramic else layer.reach for layer in layers]
+    # a layer has an edge on its face if it, its electrode or a neighbour ends there
+    lines = [
+        Line.graded(degree, whole / layer.thickness, finer // 2)
+        if ends[k] < 1 or len(set(reaches[max(k - 1, 0) : k + 2])) > 1
+        else Line.of(degree)
+        for k, (layer, degree) in enumerate(zip(layers, degrees, strict=True))
+    ]
+    return ZonedSection.of(lines, piezo, reaches, ceramic.electrode)
 
 
 def with_reduced_section(
@@ -223,9 +238,10 @@ def with_reduced_section(
     The error is that of the capacitance, relative, root mean square, against functions of higher degree that are not
     reduced, between the frequencies of which samples were taken.
     """
-    asked = [np.linspace(low, high, 2 * _PLACES + 1) for low, high in bands]
-    sampled, between = (np.concatenate([own[start::2] for own in asked]) for start in (0, 1))
     full = full_section(stack.layers, max(high for _, high in bands))
+    places = _PLACES_OF_PARTS if isinstance(full, ZonedSection) else _PLACES
+    asked = [np.linspace(low, high, 2 * places + 1) for low, high in bands]
+    sampled, between = (np.concatenate([own[start::2] for own in asked]) for start in (0, 1))
     made = replace(stack, section=reduced(full, stack.sizes, stack.over(sampled), sampled, kept))
     return made, section_error(made, between)
 

@@ -18,6 +18,9 @@ from ..base.arrays import Complexes, Frequencies
 from ..stack.loss_laws import StackError
 from .section import PAIRS, PERMITTIVITY, STIFFNESS, UNITS, CrossSection
 
+_SHIFT = 1 + 2j
+# s, a squared wave number that no wave has but by chance.
+
 Side: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Functions of one side of an opening: indices among those of u, and among those of w and q together."""
 
@@ -102,7 +105,8 @@ class Waves:
             for pair, factor in factors.items()
         }
         made = {pair: section.blocks[pair].weighted(weights[pair]) for pair in PAIRS}
-        return cls(section, weights, factors, made, *_wide(made), *_waves(made, sides))
+        wide = _wide(made) if section.driven else _nothing(made)
+        return cls(section, weights, factors, made, *wide, *_waves(made, sides, floats=section.floats))
 
     @property
     def doubled(self) -> Self:
@@ -179,6 +183,13 @@ class Motion:
     """None at the axis."""
     outer: Rim
 
+    def rim(self, radius: float) -> Rim:
+        """Return the cylinder functions at a radius between both, over the unit of length."""
+        if self.inner is None:
+            return standing(self.k, radius, self.outer.radius)
+        k = self.k[:, : self.k.shape[1] // 2]
+        return standing(k, radius, self.outer.radius).beside(decaying(k, radius, self.inner.radius))
+
 
 @dataclass(frozen=True, eq=False)
 class WholeMotion:
@@ -242,6 +253,14 @@ def _wide(made: Mapping[tuple[str, str], Complexes]) -> tuple[dict[str, Complexe
     return wide, density, force
 
 
+def _nothing(made: Mapping[tuple[str, str], Complexes]) -> tuple[dict[str, Complexes], Complexes, Complexes]:
+    """Return the same of a plate without electrodes."""
+    count, nw, n = made["W", "P"].shape
+    nu = made["E", "W"].shape[1]
+    of_u, of_w, of_p, density = (np.zeros((count, *own), np.complex128) for own in ((nu,), (nw,), (n,), ()))
+    return {"W": of_w, "P": of_p}, density, of_u
+
+
 def _square(upper: Complexes, corner: Complexes, lower: Complexes) -> Complexes:
     """Return the symmetric matrices of four blocks."""
     return np.concatenate(
@@ -256,7 +275,7 @@ def _coupling(made: Mapping[tuple[str, str], Complexes]) -> tuple[Complexes, Com
 
 
 def _waves(
-    made: Mapping[tuple[str, str], Complexes], sides: Sequence[Side] | None
+    made: Mapping[tuple[str, str], Complexes], sides: Sequence[Side] | None, *, floats: bool
 ) -> tuple[Complexes, Complexes, Complexes]:
     """Return wave numbers, shape (F, N), and the functions U, (F, nu, N), and of W and P together, (F, nw + nq, N).
 
@@ -266,6 +285,8 @@ def _waves(
     R = np.sum(_coupling(made), axis=0)
     P0 = _square(made["W", "W"], made["W", "P"][:, :, 1:], made["P", "P"][:, 1:, 1:])
     P2 = _square(made["kW", "kW"], made["kW", "kP"], made["kP", "kP"])
+    if floats:
+        return _floating(X, Y, R, P0, P2, made["W", "W"].shape[1])
     count, nu, others = R.shape
     k, U, p = (np.zeros((count, *n, nu + others), np.complex128) for n in ((), (nu,), (others,)))
     start, all_of = 0, (np.arange(nu, dtype=np.intp), np.arange(others, dtype=np.intp))
@@ -279,14 +300,35 @@ def _waves(
     return k, U, p
 
 
+def _floating(
+    X: Complexes, Y: Complexes, R: Complexes, P0: Complexes, P2: Complexes, constant: int
+) -> tuple[Complexes, Complexes, Complexes]:
+    """Return the same where the potential is free: the waves carry no charge along r, which gives their constant.
+
+    `constant`: its index among the others. The constant by itself, of wave number 0, is left out.
+    """
+    rest = np.delete(np.arange(P2.shape[1], dtype=np.intp), constant)
+    alone = P2[:, constant, constant][:, None, None]
+    of_u, of_rest = R[:, :, constant, None] / alone, P2[:, rest, constant, None] / alone
+    by_u, by_rest = R[:, None, :, constant], P2[:, None, constant, rest]
+    lesser, other = R[:, :, rest] - of_u @ by_rest, rest[:, None]
+    squared, shapes = _eigen(X - of_u @ by_u, Y, lesser, P0[:, other, rest], P2[:, other, rest] - of_rest @ by_rest)
+    nu, k = R.shape[1], np.sqrt(squared)
+    V, p = shapes[:, :nu], shapes[:, nu:]
+    own = -(by_u @ V + by_rest @ p) / alone
+    whole = np.zeros((*p.shape[:1], P2.shape[1], p.shape[2]), np.complex128)
+    whole[:, rest], whole[:, constant] = p, own[:, 0]
+    return k, V * k[:, None], whole
+
+
 def _eigen(X: Complexes, Y: Complexes, R: Complexes, P0: Complexes, P2: Complexes) -> tuple[Complexes, Complexes]:
-    """Return k^2 of the waves, and V and the others as columns."""
-    nu = X.shape[1]
-    # by blocks: Y^-1 [X R], then P2^-1 of what is left
-    upper = np.linalg.solve(Y, np.concatenate([X, R], axis=2))
-    Rt = np.swapaxes(R, 1, 2)
-    lower = -Rt @ upper
-    lower[:, :, nu:] += P0
-    lower = np.linalg.solve(P2, lower)
-    squared, shapes = np.linalg.eig(-np.concatenate([upper, lower], axis=1))
-    return squared, shapes
+    """Return k^2 of the waves, and V and the others as columns.
+
+    Solved for 1/(k^2 - s): waves that travel are exact to rounding however short the shortest of thin elements are.
+    """
+    nu, Rt = X.shape[1], np.swapaxes(R, 1, 2)
+    still = np.concatenate([np.concatenate([X, R], axis=2), np.concatenate([np.zeros_like(Rt), P0], axis=2)], axis=1)
+    moving = np.zeros_like(still)
+    moving[:, :nu, :nu], moving[:, nu:, :nu], moving[:, nu:, nu:] = Y, Rt, P2
+    inverse, shapes = np.linalg.eig(-np.linalg.solve(still + _SHIFT * moving, moving))
+    return np.asarray(_SHIFT + 1 / inverse, np.complex128), np.asarray(shapes, np.complex128)

@@ -47,12 +47,13 @@ class FeLayer:
 
 
 class SkfemStack:
-    """A stack of round layers of one radius; one of them is the ceramic, with electrodes over both faces.
+    """A stack of round layers; one of them is the ceramic, with electrodes on both faces.
 
-    `opening`: index of a layer that is missing within a radius, and that radius in m.
+    `opening`: index of a layer that is missing within a radius, and that radius in m. `ends`: radii in m of layers
+    that end before the rim, by index; `electrode`: radius of both electrodes in m.
     """
 
-    def __init__(self, radius, layers, per_thickness=2, opening=None):
+    def __init__(self, radius, layers, per_thickness=2, opening=None, ends=None, electrode=None):
         self.layers = layers
         (piezo,) = (layer for layer in layers if layer.piezo)
         faces = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
@@ -64,14 +65,24 @@ class SkfemStack:
         inner = np.linspace(0, radius, cells + 1)[:-1]
         near = [radius - part * piezo.thickness / per_thickness for part in NEAR]
         r, cell = np.concatenate([inner, near, [radius]]), piezo.thickness / per_thickness
-        if opening is not None:
-            layer, edge = opening
+        ends = ends or {}
+        on_faces = {*ends.values(), *([electrode] if electrode else [])}
+        if on_faces:  # finer beside every face
+            step = np.diff(z)
+            finer = [place for part in NEAR for place in (z[:-1] + part * step, z[1:] - part * step)]
+            z = np.sort(np.concatenate([z, *finer]))
+        for edge in {*on_faces, *([opening[1]] if opening else [])}:
             r = np.sort(np.append(r[np.abs(r - edge) > 0.4 * cell], edge + cell * np.array(TIP)))
         mesh = MeshTri.init_tensor(r, z)
         if opening is not None:
             along, height = mesh.p[:, mesh.t].mean(axis=1)
+            layer, edge = opening
             within = (along < edge) & (height > faces[layer]) & (height < faces[layer + 1])
             mesh = mesh.restrict(np.flatnonzero(~within))
+        for layer, edge in ends.items():
+            along, height = mesh.p[:, mesh.t].mean(axis=1)
+            beyond = (along > edge) & (height > faces[layer]) & (height < faces[layer + 1])
+            mesh = mesh.restrict(np.flatnonzero(~beyond))
         middle = mesh.p[1, mesh.t].mean(axis=0)
         self.within = [np.flatnonzero((middle > low) & (middle < high)) for low, high in pairwise(faces)]
         self.mesh, self.element = mesh, ElementTriP4()
@@ -81,9 +92,13 @@ class SkfemStack:
         tiny = 1e-9 * faces[-1]
         r, height = self.x
         active = (height > faces[k] + tiny) & (height < faces[k + 1] - tiny)
+        if electrode is not None:
+            at_face = (height > faces[k] - tiny) & (height < faces[k + 1] + tiny)
+            active |= at_face & (r > electrode * (1 + 1e-9))
         every = np.arange(self.n)
         self.free = np.concatenate([every[r > 1e-9 * radius], self.n + every, 2 * self.n + every[active]])
-        self.driven = 2 * self.n + every[np.abs(height - faces[k + 1]) < tiny]
+        driven = np.abs(height - faces[k + 1]) < tiny
+        self.driven = 2 * self.n + every[driven & ~active]
 
     @cached_property
     def forms(self):
