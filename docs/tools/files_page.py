@@ -66,7 +66,7 @@ def page() -> str:
         'With `kind = "piezo"`:',
         _table({**keys.POLED_ENTRIES, **keys.PIEZO_KEYS, **keys.ELECTRODE_KEYS}, keys.NEEDED["piezo"]),
     ]
-    parts += ['With `kind = "elastic"`:', _table(keys.ELASTIC_KEYS, keys.NEEDED["elastic"])]
+    parts += ['With `kind = "elastic"`:', _table({**keys.ELASTIC_KEYS, **keys.LAYER_SIZE_KEYS}, keys.NEEDED["elastic"])]
     parts += ["## `[electrical]`", _table(keys.ELECTRICAL_ENTRIES)]
     parts += ["## `[bolt]`", _table({**keys.BOLT_ENTRIES, **keys.BOLT_KEYS}, ("stiffness",))]
     parts += ["## `[load]`", _table(keys.LOAD_ENTRIES), "In the table of a face:", _table(keys.Z_KEYS)]
@@ -209,7 +209,10 @@ def _build() -> Schema:
 
 
 def _layer(kind: str) -> Schema:
-    constants = {**keys.PIEZO_KEYS, **keys.ELECTRODE_KEYS} if kind == "piezo" else keys.ELASTIC_KEYS
+    if kind == "piezo":
+        constants = {**keys.PIEZO_KEYS, **keys.ELECTRODE_KEYS}
+    else:
+        constants = {**keys.ELASTIC_KEYS, **keys.LAYER_SIZE_KEYS}
     entries = {**_entries(keys.LAYER_ENTRIES), "kind": {**_entry(keys.LAYER_ENTRIES["kind"]), "const": kind}}
     if kind == "piezo":
         shared = _object({"same_as": {"type": "string", "description": "a layer of this ceramic"}}, ["same_as"])

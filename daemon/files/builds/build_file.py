@@ -23,6 +23,7 @@ from .file_keys import (
     ELECTRODE_KEYS,
     FREQUENCY_UNITS,
     LAYER_ENTRIES,
+    LAYER_SIZE_KEYS,
     LOAD_ENTRIES,
     MASS_KEYS,
     PIEZO_KEYS,
@@ -197,7 +198,7 @@ def _same_ceramic(table: Table) -> LayerSpec:
 
 def _layer(table: Table) -> LayerSpec:
     kind = _kind(table)
-    keys = PIEZO_KEYS | ELECTRODE_KEYS if kind == "piezo" else ELASTIC_KEYS
+    keys = PIEZO_KEYS | ELECTRODE_KEYS if kind == "piezo" else ELASTIC_KEYS | LAYER_SIZE_KEYS
     table.only((*LAYER_ENTRIES, *(POLED_ENTRIES if kind == "piezo" else ()), *keys))
     if kind == "piezo" and isinstance(table.data.get("material"), dict):
         return _same_ceramic(table)

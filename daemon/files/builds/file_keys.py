@@ -85,6 +85,8 @@ PIEZO_KEYS = (
 """Each key ends in its unit; its value is the constant's name and the factor to SI units."""
 ELECTRODE_KEYS = {"electrode_diameter_mm": Key("electrode_diameter", 1e-3, "mm")}
 """Diameter of both electrodes if they end before the rim; a property of the disk, not of a material."""
+LAYER_SIZE_KEYS = {"diameter_mm": Key("layer_diameter", 1e-3, "mm")}
+"""Diameter of an elastic layer if it ends before the rim of the disk."""
 SIZE_KEYS = {"diameter_mm": Key("diameter", 1e-3, "mm"), "area_mm2": Key("area", 1e-6, "mm2")}
 MASS_KEYS = {"mass_g": Key("mass", 1e-3, "g")}
 BOLT_KEYS = {"stiffness_N_m": Key("stiffness", 1.0, "N/m"), "stiffness_kN_mm": Key("stiffness", 1e6, "kN/mm")}
@@ -123,6 +125,7 @@ MEANINGS = {
     "sigma_p": "planar Poisson ratio, -s12E / s11E",
     "kp": "planar coupling factor",
     "electrode_diameter": "diameter of both electrodes if they end before the rim",
+    "layer_diameter": "diameter of the layer if it ends before the rim, for `stack2d`",
     "diameter": "diameter of the faces",
     "area": "area of the faces, for a transducer that is not round",
     "mass": "mass of all layers of the step as weighed: a datum of every fit; its u is required",
@@ -140,7 +143,8 @@ MEANINGS = {
 
 BELOW = {"poisson": 0.5}
 """Upper limits of constants, not included."""
-REAL = {"thickness", "density", "z", "c", "q", "poisson", "diameter", "area", "electrode_diameter", "mass", "stiffness"}
+_SIZES = {"thickness", "diameter", "area", "electrode_diameter", "layer_diameter"}
+REAL = _SIZES | {"density", "z", "c", "q", "poisson", "mass", "stiffness"}
 TIED = {"thickness", "z", "c", "q"}
 """Constants that can be tied with `{ same_as = "LAYER" }`, as two layers of a transducer can share them."""
 POSITIVE = REAL | {"c33D", "eps33S", "eps33T", "eps33P", "s11E", "c11p", "kp"}

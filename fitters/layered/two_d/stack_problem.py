@@ -31,6 +31,8 @@ from .plate_block import plate_block
 NAME = "stack2d"
 _FEWEST = 10
 # Points of a sweep within reach below which it is left out.
+_SHORTEST = 0.5
+# Least diameter of the electrodes over that of the disk.
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +106,38 @@ def _refuse(build: Build) -> None:
     if build.diameter is None:
         raise TaskError(f"`{NAME}` covers round stacks; build {build.name!r} gives an area and no diameter")
     disk = build.piezos[0]
-    shorter = disk.values.get("electrode_diameter")
-    if shorter is not None and shorter.re < build.diameter.re:
-        raise TaskError(f"`{NAME}` covers electrodes up to the rim; electrode_diameter_mm of {disk.name!r} is smaller")
+    for layer in build.layers:
+        _refuse_diameter(build, layer)
     for name in PIEZO_CONSTANTS:
         if disk.values[name].bounds is not None:
             raise TaskError(f"cannot bound '{disk.name}.{name}': `{NAME}` moves it together with others; give it a u")
+
+
+def _refuse_diameter(build: Build, layer: LayerSpec) -> None:
+    """Raise TaskError for electrodes or a layer of a diameter that the model lacks."""
+    name, key, least = ("electrode_diameter", "electrode_diameter_mm", _SHORTEST)
+    if layer.kind == "elastic":
+        name, key, least = ("layer_diameter", "diameter_mm", 0.0)
+    given = layer.values.get(name)
+    if given is None or build.diameter is None:
+        return
+    whole = build.diameter.re
+    if not least * whole <= given.re <= whole:
+        raise TaskError(
+            f"{key} of {layer.name!r} is {1e3 * given.re:.4g}; `{NAME}` covers {1e3 * least * whole:.4g} to "
+            f"{1e3 * whole:.4g}, the disk's diameter"
+        )
+    if given.u > 0:
+        raise TaskError(
+            f"{key} of {layer.name!r} has an uncertainty; `{NAME}` takes it as exact: fit once for each value that it "
+            "may have"
+        )
+
+
+def part_of_radius(build: Build, layer: LayerSpec) -> float:
+    """Return the radius of a layer, of a piezo layer that of its electrodes, over that of the faces; 1 by default."""
+    given = layer.values.get("electrode_diameter" if layer.kind == "piezo" else "layer_diameter")
+    return 1.0 if given is None or build.diameter is None else given.re / build.diameter.re
 
 
 def _with_poisson(build: Build) -> Build:
@@ -142,12 +170,13 @@ def stack_of(problem: StackProblem, step: str, values: Mapping[str, float], law:
     ground = {layer: f"{layer}.thickness@{since}" for layer, (since, _) in build.reground(step).items()}
     layers: list[Layer2D] = []
     for name in build.step(step).layers:
-        thickness = values[ground.get(name, f"{name}.thickness")]
+        thickness, part = values[ground.get(name, f"{name}.thickness")], part_of_radius(build, build.layer(name))
         if name == problem.disk.name:
-            layers.append(Ceramic2D(name, tensor_of(values, name), thickness, values[f"{name}.density"], law))
+            tensor, density = tensor_of(values, name), values[f"{name}.density"]
+            layers.append(Ceramic2D(name, tensor, thickness, density, law, electrode=part))
         else:
             z, c, q, poisson = (values[f"{name}.{key}"] for key in ("z", "c", "q", "poisson"))
-            layers.append(Isotropic(name, thickness, z, c, q, poisson, problem.elastic_law or law))
+            layers.append(Isotropic(name, thickness, z, c, q, poisson, problem.elastic_law or law, part))
     highest = max(high for _, high in problem.bands(step))
     section = full_section(layers, highest)
     back, front = (values.get(f"{face}.z", 0.0) for face in ("back", "front"))

@@ -15,7 +15,7 @@ from ...engine.parameters.assembly import nominal_parameters
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Prior, Recording
 from ...interface import FitError, FitTask, TaskError
-from .stack_problem import StackProblem, tensor_values
+from .stack_problem import StackProblem, part_of_radius, tensor_values
 
 _LEAST_LOSS, _MOST_LOSS = 1e-3, 0.1
 # Limits of the loss tangents of a start; the one-dimensional fit mistakes ripple for loss.
@@ -32,15 +32,18 @@ _COARSE = 100
 def one_dimensional(problem: StackProblem, progress: Callable[[str], None]) -> dict[str, float]:
     """Return every parameter of the one-dimensional fit of all steps; the build's where that fit is impossible.
 
-    Lateral modes can hide the pair of resonances that it looks for.
+    Lateral modes can hide the pair of resonances that it looks for. The plate is as wide as the electrodes.
     """
+    build, part = problem.build, part_of_radius(problem.build, problem.disk) ** 2
+    area = replace(build.area, re=part * build.area.re, u=part * build.area.u)
     try:
-        solution = solve(FitTask(problem.build, problem.sweeps), progress)
+        solution = solve(FitTask(replace(build, area=area), problem.sweeps), progress)
     except TaskError:
         raise
     except FitError:
-        return nominal_parameters(problem.build)
-    return solution.descent.objective.coordinates.forward(solution.descent.x)[0]
+        return nominal_parameters(build)
+    values = solution.descent.objective.coordinates.forward(solution.descent.x)[0]
+    return {**values, "area": values["area"] / part}
 
 
 def usual_tensor(problem: StackProblem, plate: Mapping[str, float]) -> Tensor6mm:

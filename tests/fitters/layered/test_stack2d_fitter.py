@@ -118,6 +118,34 @@ def test_causal_constants_are_told_at_the_thickness_resonance():
         assert abs(found.re - true.real) < 3 * found.u_re, name
 
 
+@pytest.mark.long
+def test_a_disk_whose_electrodes_end_before_the_rim_is_recovered():
+    true = replace(DISK.constants, c11E=1.01 * DISK.constants.c11E, e31=1.04 * DISK.constants.e31)
+    sweeps = {"disk": recorded(replace(DISK, constants=true, electrode=0.9))}
+    build = parse_build(
+        BUILD.replace("thickness_mm = { value = 1.0,", "electrode_diameter_mm = 5.4\nthickness_mm = { value = 1.0,", 1),
+        "build.toml",
+    )
+    result = Stack2DFitter().fit(FitTask(build, sweeps))
+    assert result.rms_log_error < 4e-4
+    for name in CONSTANTS:
+        found = result.constants[f"disk.{name}"]
+        assert abs(found.re - complex(getattr(true, name)).real) < 4 * found.u_re, name
+    assert result.constants["disk.eps33S"].u_re < 0.002 * result.constants["disk.eps33S"].re
+
+
+def test_glue_and_layer_that_end_before_the_rim_are_modelled(sweeps):
+    text = BUILD.replace('material = "epoxy"', 'material = "epoxy"\ndiameter_mm = 5.4').replace(
+        "z_MRayl", "diameter_mm = 5.1\nz_MRayl"
+    )
+    problem = problem_of(FitTask(parse_build(text, "build.toml"), sweeps))
+    values = nominal(problem, TENSOR)
+    glued, bare = (stack_of(problem, step, values, CONSTANT) for step in ("ml1", "disk"))
+    assert [layer.reach for layer in glued.layers] == pytest.approx([1.0, 0.9, 0.85])
+    assert glued.section.reaches == pytest.approx((0.85, 0.9, 1.0))
+    assert bare.section.size < 50  # it ends nowhere
+
+
 LEAD = """
 [[effects]]
 effect = "lead-inductance"
@@ -198,7 +226,17 @@ thickness_mm = 1
     [
         ("diameter_mm = 6.0", "area_mm2 = 28.3", "covers round stacks; build 'S' gives an area"),
         ("[load]", f"{TAIL}[load]", "covers one piezoelectric layer; build 'S' has disk, tail"),
-        ("density_kg_m3 = 7700", "electrode_diameter_mm = 5.5", "electrodes up to the rim"),
+        (
+            "density_kg_m3 = 7700",
+            "electrode_diameter_mm = 2.5",
+            r"electrode_diameter_mm of 'disk' is 2.5; `stack2d` covers 3 to 6, the disk's diameter",
+        ),
+        ("z_MRayl", "diameter_mm = 7\nz_MRayl", r"diameter_mm of 'ml1' is 7; `stack2d` covers 0 to 6, the disk's"),
+        (
+            "z_MRayl",
+            "diameter_mm = { value = 5.5, u = 0.1 }\nz_MRayl",
+            "diameter_mm of 'ml1' has an uncertainty; `stack2d` takes it as exact",
+        ),
         (
             "density_kg_m3 = 7700",
             "c33D_GPa = { re = 144, u = 3, min = 130, max = 160 }",
