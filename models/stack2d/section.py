@@ -19,7 +19,7 @@ import numpy as np
 
 from ..base.arrays import Complexes, Reals
 from ..disk2d.matrices import CONSTANTS
-from .line import Line
+from .layer_mesh import LayerMesh
 
 LAYER_CONSTANTS = (*CONSTANTS, "density")
 """The constants of a layer, in the order used throughout; an elastic layer has no piezoelectric ones."""
@@ -85,7 +85,7 @@ class CrossSection:
     blocks: Mapping[tuple[str, str], Block]
     shapes: Mapping[str, Reals]
     """Of `u`, `w`, `p`: functions as columns over the nodes of all layers, shapes (nz, n); of `p` the lift is first."""
-    lines: tuple[Line, ...]
+    lines: tuple[LayerMesh, ...]
     """Elements of all layers from 0 to 1, back to front."""
     piezo: int
     """Index of the piezoelectric layer."""
@@ -97,7 +97,7 @@ class CrossSection:
     @classmethod
     def of(
         cls,
-        lines: Sequence[Line],
+        lines: Sequence[LayerMesh],
         piezo: int,
         *,
         missing: Collection[int] = (),
@@ -156,7 +156,7 @@ def _projected(blocks: Mapping[tuple[str, str], Block], shapes: Mapping[str, Rea
     }
 
 
-def _ends(lines: Sequence[Line], missing: Collection[int], torn: int | None) -> list[tuple[int, int] | None]:
+def _ends(lines: Sequence[LayerMesh], missing: Collection[int], torn: int | None) -> list[tuple[int, int] | None]:
     """Return the first and last node of each layer, None for one that is missing: layers in contact share one."""
     last, made = -1, list[tuple[int, int] | None]()
     for layer, line in enumerate(lines):
@@ -175,7 +175,7 @@ def _count(ends: Sequence[tuple[int, int] | None]) -> int:
     return max(own[1] for own in ends if own is not None) + 1
 
 
-def _potentials(line: Line, ends: tuple[int, int] | None, nodes: int, *, floats: bool) -> Reals:
+def _potentials(line: LayerMesh, ends: tuple[int, int] | None, nodes: int, *, floats: bool) -> Reals:
     """Return the functions of the potential over the nodes, the lift of one volt first, shape (nodes, n).
 
     It is nothing where there are no electrodes.
@@ -193,7 +193,9 @@ def _potentials(line: Line, ends: tuple[int, int] | None, nodes: int, *, floats:
     return p
 
 
-def _nodal(pair: tuple[str, str], lines: Sequence[Line], ends: Sequence[tuple[int, int] | None], piezo: int) -> Block:
+def _nodal(
+    pair: tuple[str, str], lines: Sequence[LayerMesh], ends: Sequence[tuple[int, int] | None], piezo: int
+) -> Block:
     """Return a block over the nodes of all layers."""
     nodes = _count(ends)
     terms: list[FormTerm] = []

@@ -14,8 +14,8 @@ from ..base.model import Model
 from ..base.names import require
 from ..stack.loss_laws import LawKind, LossLaw, StackError, require_positive
 from .capacitance_slopes import Section, StackCapacitance, StackWaves
+from .layer_mesh import LayerMesh
 from .layers2d import Ceramic2D, Isotropic, order_of
-from .line import Line
 from .opened import Opening
 from .reduction import KEPT, error, reduced
 from .section import LAYER_CONSTANTS, CrossSection
@@ -217,14 +217,14 @@ def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> S
     degrees = [order_of(layer.thickness, layer.shear_speed, highest) + finer for layer in layers]
     reaches, piezo = [layer.reach for layer in layers], layers.index(ceramic)
     if min(*reaches, ceramic.electrode) == 1:
-        return CrossSection.of([Line.of(degree) for degree in degrees], piezo)
+        return CrossSection.of([LayerMesh.of(degree) for degree in degrees], piezo)
     whole = sum(layer.thickness for layer in layers)
     ends = [ceramic.electrode if layer is ceramic else layer.reach for layer in layers]
     # a layer has an edge on its face if it, its electrode or a neighbour ends there
     lines = [
-        Line.graded(degree, whole / layer.thickness, finer // 2)
+        LayerMesh.graded(degree, whole / layer.thickness, finer // 2)
         if ends[k] < 1 or len(set(reaches[max(k - 1, 0) : k + 2])) > 1
-        else Line.of(degree)
+        else LayerMesh.of(degree)
         for k, (layer, degree) in enumerate(zip(layers, degrees, strict=True))
     ]
     return ZonedSection.of(lines, piezo, reaches, ceramic.electrode)

@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 
 from ..base.arrays import Complexes, Frequencies, Reals
 from .joined import Contact, as_sums, joined
-from .line import Line
+from .layer_mesh import LayerMesh
 from .section import CrossSection
 from .waves import Sizes, Waves, WholeMotion
 
@@ -35,7 +35,7 @@ class ZonedSection:
         return cls(tuple(sections), tuple(reaches), contacts)
 
     @classmethod
-    def of(cls, lines: Sequence[Line], piezo: int, reaches: Sequence[float], electrode: float) -> Self:
+    def of(cls, lines: Sequence[LayerMesh], piezo: int, reaches: Sequence[float], electrode: float) -> Self:
         """Return the stack of layers, back to front, with these elements from 0 to 1.
 
         `reaches`: radius of each layer over that of the stack; `electrode`: that of the electrodes of layer `piezo`.

@@ -16,8 +16,8 @@ _WIDEST = 0.4
 
 
 @dataclass(frozen=True)
-class Line:
-    """A line of elements."""
+class LayerMesh:
+    """A mesh through a layer."""
 
     breaks: tuple[float, ...]
     """Ends of the elements, rising from 0 to 1."""
@@ -25,13 +25,13 @@ class Line:
     """Degree of each."""
 
     @classmethod
-    def of(cls, degree: int) -> "Line":
-        """Return a line of one element."""
+    def of(cls, degree: int) -> "LayerMesh":
+        """Return a mesh of one element."""
         return cls((0.0, 1.0), (degree,))
 
     @classmethod
-    def graded(cls, degree: int, length: float, finer: int = 0) -> "Line":
-        """Return a line that is graded towards both ends.
+    def graded(cls, degree: int, length: float, finer: int = 0) -> "LayerMesh":
+        """Return a mesh that is graded towards both ends.
 
         `length`: of a stack over the thickness of this layer of it; `finer`: further degrees of the elements beside
         the ends.
