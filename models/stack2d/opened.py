@@ -49,9 +49,9 @@ class OpenedSection:
     def of(cls, whole: CrossSection, apart: tuple[int, int]) -> Self:
         """Return the section opened between two layers, given by their indices; a layer between them is missing."""
         behind, ahead = apart
-        sizes = [line.size - 1 for line in whole.lines]
+        sizes = [mesh.size - 1 for mesh in whole.meshes]
         last, first = sum(sizes[: behind + 1]), sum(sizes[:ahead])  # nodes on both sides of the opening
-        full = CrossSection.of(whole.lines, whole.piezo, missing=range(behind + 1, ahead), torn=ahead)
+        full = CrossSection.of(whole.meshes, whole.piezo, missing=range(behind + 1, ahead), torn=ahead)
         functions, maps, of_behind = dict[str, Reals](), dict[str, Reals](), dict[str, Flags]()
 
         def torn(columns: Reals) -> tuple[Reals, Reals]:

@@ -85,7 +85,7 @@ class CrossSection:
     blocks: Mapping[tuple[str, str], Block]
     shapes: Mapping[str, Reals]
     """Of `u`, `w`, `p`: functions as columns over the nodes of all layers, shapes (nz, n); of `p` the lift is first."""
-    lines: tuple[LayerMesh, ...]
+    meshes: tuple[LayerMesh, ...]
     """Elements of all layers from 0 to 1, back to front."""
     piezo: int
     """Index of the piezoelectric layer."""
@@ -97,7 +97,7 @@ class CrossSection:
     @classmethod
     def of(
         cls,
-        lines: Sequence[LayerMesh],
+        meshes: Sequence[LayerMesh],
         piezo: int,
         *,
         missing: Collection[int] = (),
@@ -109,13 +109,13 @@ class CrossSection:
         `piezo`: index of the piezoelectric layer, which has the electrodes on its faces unless it `floats`. `missing`:
         indices of layers that are not there; `torn`: that of a layer that does not touch the one behind it.
         """
-        ends = _ends(lines, missing, torn)
+        ends = _ends(meshes, missing, torn)
         nodes = _count(ends)
-        p = _potentials(lines[piezo], ends[piezo], nodes, floats=floats)
+        p = _potentials(meshes[piezo], ends[piezo], nodes, floats=floats)
         eye = np.eye(nodes)
-        blocks = {pair: _nodal(pair, lines, ends, piezo) for pair in PAIRS}
+        blocks = {pair: _nodal(pair, meshes, ends, piezo) for pair in PAIRS}
         shapes = {"u": eye, "w": eye, "p": p}
-        return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, tuple(lines), piezo, tuple(ends), floats)
+        return cls(_projected(blocks, {**shapes, "q": p[:, 1:]}), shapes, tuple(meshes), piezo, tuple(ends), floats)
 
     @property
     def is_whole(self) -> bool:
@@ -131,7 +131,7 @@ class CrossSection:
     @property
     def layers(self) -> int:
         """Number of layers."""
-        return len(self.lines)
+        return len(self.meshes)
 
     def projected(self, shapes: Mapping[str, Reals]) -> Self:
         """Return the section over sums of its functions: columns of `shapes` for each of `u`, `w`, `q`."""
@@ -156,16 +156,16 @@ def _projected(blocks: Mapping[tuple[str, str], Block], shapes: Mapping[str, Rea
     }
 
 
-def _ends(lines: Sequence[LayerMesh], missing: Collection[int], torn: int | None) -> list[tuple[int, int] | None]:
+def _ends(meshes: Sequence[LayerMesh], missing: Collection[int], torn: int | None) -> list[tuple[int, int] | None]:
     """Return the first and last node of each layer, None for one that is missing: layers in contact share one."""
     last, made = -1, list[tuple[int, int] | None]()
-    for layer, line in enumerate(lines):
+    for layer, mesh in enumerate(meshes):
         if layer in missing:
             made.append(None)
             continue
         joined = layer > 0 and made[-1] is not None and layer != torn
         first = last if joined else last + 1
-        last = first + line.size - 1
+        last = first + mesh.size - 1
         made.append((first, last))
     return made
 
@@ -175,7 +175,7 @@ def _count(ends: Sequence[tuple[int, int] | None]) -> int:
     return max(own[1] for own in ends if own is not None) + 1
 
 
-def _potentials(line: LayerMesh, ends: tuple[int, int] | None, nodes: int, *, floats: bool) -> Reals:
+def _potentials(mesh: LayerMesh, ends: tuple[int, int] | None, nodes: int, *, floats: bool) -> Reals:
     """Return the functions of the potential over the nodes, the lift of one volt first, shape (nodes, n).
 
     It is nothing where there are no electrodes.
@@ -183,24 +183,24 @@ def _potentials(line: LayerMesh, ends: tuple[int, int] | None, nodes: int, *, fl
     if ends is None:
         return np.zeros((nodes, 1))
     within = slice(ends[0], ends[1] + 1)
-    p = np.zeros((nodes, line.size + 1 if floats else line.size - 1))
+    p = np.zeros((nodes, mesh.size + 1 if floats else mesh.size - 1))
     if floats:
         p[within, 1] = 1.0
-        p[within, 2:] = np.eye(line.size)[:, 1:]
+        p[within, 2:] = np.eye(mesh.size)[:, 1:]
     else:
-        p[within, 0] = line.nodes
-        p[within, 1:] = np.eye(line.size)[:, 1:-1]
+        p[within, 0] = mesh.nodes
+        p[within, 1:] = np.eye(mesh.size)[:, 1:-1]
     return p
 
 
 def _nodal(
-    pair: tuple[str, str], lines: Sequence[LayerMesh], ends: Sequence[tuple[int, int] | None], piezo: int
+    pair: tuple[str, str], meshes: Sequence[LayerMesh], ends: Sequence[tuple[int, int] | None], piezo: int
 ) -> Block:
     """Return a block over the nodes of all layers."""
     nodes = _count(ends)
     terms: list[FormTerm] = []
     matrices: list[Reals] = []
-    for layer, line in enumerate(lines):
+    for layer, mesh in enumerate(meshes):
         own = ends[layer]
         if own is None:
             continue
@@ -210,7 +210,7 @@ def _nodal(
             if layer != piezo and name.startswith("e"):
                 continue
             matrix = np.zeros((nodes, nodes))
-            matrix[at, at] = factor * line.integral(first, second)
+            matrix[at, at] = factor * mesh.integral(first, second)
             index = layer * len(LAYER_CONSTANTS) + constant
             terms.append(FormTerm(index, layer, 1 - first - second, frequency))
             matrices.append(matrix)
@@ -218,7 +218,7 @@ def _nodal(
         for face, node in enumerate((0, nodes - 1)):
             matrix = np.zeros((nodes, nodes))
             matrix[node, node] = 1.0
-            terms.append(FormTerm(len(lines) * len(LAYER_CONSTANTS) + face, 0, 0, VISCOUS))
+            terms.append(FormTerm(len(meshes) * len(LAYER_CONSTANTS) + face, 0, 0, VISCOUS))
             matrices.append(matrix)
     return Block(tuple(terms), np.array(matrices).reshape(len(terms), nodes, nodes))
 

@@ -221,13 +221,13 @@ def full_section(layers: Sequence[Layer2D], highest: float, finer: int = 0) -> S
     whole = sum(layer.thickness for layer in layers)
     ends = [ceramic.electrode if layer is ceramic else layer.reach for layer in layers]
     # a layer has an edge on its face if it, its electrode or a neighbour ends there
-    lines = [
+    meshes = [
         LayerMesh.graded(degree, whole / layer.thickness, finer // 2)
         if ends[k] < 1 or len(set(reaches[max(k - 1, 0) : k + 2])) > 1
         else LayerMesh.of(degree)
         for k, (layer, degree) in enumerate(zip(layers, degrees, strict=True))
     ]
-    return ZonedSection.of(lines, piezo, reaches, ceramic.electrode)
+    return ZonedSection.of(meshes, piezo, reaches, ceramic.electrode)
 
 
 def with_reduced_section(

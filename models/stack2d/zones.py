@@ -35,7 +35,7 @@ class ZonedSection:
         return cls(tuple(sections), tuple(reaches), contacts)
 
     @classmethod
-    def of(cls, lines: Sequence[LayerMesh], piezo: int, reaches: Sequence[float], electrode: float) -> Self:
+    def of(cls, meshes: Sequence[LayerMesh], piezo: int, reaches: Sequence[float], electrode: float) -> Self:
         """Return the stack of layers, back to front, with these elements from 0 to 1.
 
         `reaches`: radius of each layer over that of the stack; `electrode`: that of the electrodes of layer `piezo`.
@@ -43,7 +43,7 @@ class ZonedSection:
         radii = sorted({*reaches, electrode})
         sections = [
             CrossSection.of(
-                lines,
+                meshes,
                 piezo,
                 missing=[k for k, reach in enumerate(reaches) if reach < radius],
                 floats=electrode < radius <= reaches[piezo],
