@@ -1,8 +1,8 @@
-"""Constants for the values that a build states as exact, where the recordings do not contradict these.
+"""Constants for the values that a build states as exact, where the recordings tell less of these than it does.
 
 A density and a compliance that only together determine a resonance move freely along each other: a fit ends anywhere
 within the density's tolerance, and its compliance describes the recordings with that density only. What is told
-belongs to the build as it is stated, unless the recordings show that it is not so.
+belongs to the build as it is stated, unless the recordings know better.
 """
 
 from dataclasses import replace
@@ -18,12 +18,15 @@ from .marginal_fit import MarginalFit
 from .prior_scales import RARE
 from .uncertainty_sources import beside_held
 
+_HALF = 0.5
+"""Variance of a value, in its tolerance squared, above which the build tells more of it than the recordings do."""
+
 
 def as_stated(found: MarginalFit) -> MarginalFit:
     """Return the same fit with the constants that are most probable if held values are as the build states them.
 
-    Those stay off that the recordings contradict, as they do by chance in one build of twenty; and all of them, if the
-    constants would not describe the recordings better.
+    Those stay off of which the recordings tell more than the build, or which they contradict, as they do by chance in
+    one build of twenty; and all of them, if the constants would not describe the recordings better.
     """
     names, off, beside, covariance = beside_held(found)
     kept = _not_contradicted(off, covariance)
@@ -45,7 +48,7 @@ def as_stated(found: MarginalFit) -> MarginalFit:
 
 def _not_contradicted(off: Reals, covariance: Reals) -> list[int]:
     """Return the positions of the values that may be as stated, all together, by how far they are `off`."""
-    kept = list(range(off.size))
+    kept = [k for k in range(off.size) if covariance[k, k] > _HALF]
     while kept:
         own = covariance[np.ix_(kept, kept)]
         if float(off[kept] @ np.linalg.solve(own, off[kept])) <= float(chdtri(len(kept), RARE)):

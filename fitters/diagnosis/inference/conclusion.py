@@ -1,5 +1,6 @@
 """From all fitted hypotheses to a verdict: named effects, their probabilities, look-alikes, and the residual."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -20,7 +21,7 @@ from ..hypotheses.problem import Candidate
 from ..search.greedy_search import GreedySearch
 from ..validation.forecast import Forecast
 from .certainty import Certainties, Certainty, kinds_of, rivals
-from .effect_size import constants_of, largest_of, moved, moves_a_constant
+from .effect_size import largest_of, moved, moves_a_constant, resonant_constants
 
 Kind = Literal["finding", "remark"]
 
@@ -85,7 +86,7 @@ def conclude(search: GreedySearch) -> Conclusion:
     """Conclude from the fitted hypotheses: name what is probable in the one whose effects are most probably there."""
     null, certainties = search.null, Certainties(search)
     final, sure = _most_certain(search, certainties)
-    after = constants_of(search.problem, final)
+    after = resonant_constants(search.problem, final)
     named: list[NamedEffect] = []
     for one in final.effects:
         without = search.without(final, one)
@@ -94,7 +95,7 @@ def conclude(search: GreedySearch) -> Conclusion:
         error = max(sizes.slow, sizes.fast, TOLERATED if artefact else 0.0)
         matters = largest_of(search.problem, final, one) > error
         if not artefact:
-            matters = matters or moves_a_constant(constants_of(search.problem, without), after)
+            matters = matters or moves_a_constant(resonant_constants(search.problem, without), after)
         matters = matters and not (error > 0 and _is_the_fixture(search, one, final))
         same, others = _alternatives(certainties, final, one, sure[one].alike)
         named.append(
@@ -162,7 +163,8 @@ def _at_its_places(search: GreedySearch, one: Hypothesis) -> Hypothesis:
 def _most_probable_alike(certainties: Certainties, one: Hypothesis, sure: Mapping[Candidate, Certainty]) -> Hypothesis:
     """Return the hypothesis with those of its effects and of their look-alikes that are most probably present.
 
-    Where no kind of an effect is more probable than not, all of them count for it: a lead that may be a cable.
+    Where no kind of an effect is more probable than not, all of them count for it: a lead that may be a cable. A second
+    one of a name counts as much as it is certain that there are two.
     """
     search = certainties.search
     choices = product(*((effect, *sure[effect].alike) for effect in one.effects))
@@ -170,7 +172,13 @@ def _most_probable_alike(certainties: Certainties, one: Hypothesis, sure: Mappin
     effects = {effect.effect.name: effect.effect for key in keys for effect in key}
     vague = [own for name, own in effects.items() if certainties.present({name}) < NAMED]
     present = {name: certainties.present({name, *kinds_of(name, vague)}) for name in effects}
-    return search.found[max(keys, key=lambda key: sum(present[effect.effect.name] for effect in key))]
+
+    def together(key: frozenset[Candidate]) -> float:
+        counted = Counter(effect.effect.name for effect in key)
+        further = (certainties.present({name}, k) for name, n in counted.items() for k in range(1, n))
+        return sum(present[name] for name in counted) + sum(further)
+
+    return search.found[max(keys, key=together)]
 
 
 def remaining_of(one: Hypothesis) -> Remaining:

@@ -81,6 +81,12 @@ def constants_of(problem: Problem, one: Hypothesis, coarseness: float = 1.0) -> 
     return problem.model.constants(problem.steps, one.told.values, names, covariance)
 
 
+def resonant_constants(problem: Problem, one: Hypothesis) -> dict[str, Constant]:
+    """Return the most probable constants, for whatever values of the build are most probable with them."""
+    names = one.objective.coordinates.parameters
+    return problem.model.constants(problem.steps, one.resonant.values, names, covariance_of(one))
+
+
 def parameters_of(candidate: Candidate, one: Hypothesis, coarseness: float = 1.0) -> dict[str, Size]:
     """Return the parameters of an effect as shown to people; for `coarseness` see `covariance_of`."""
     names = one.objective.coordinates.parameters
