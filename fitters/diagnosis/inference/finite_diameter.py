@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import expit
+from scipy.special import chdtri, expit
 
 from ....models.base.arrays import Frequencies, Impedances
 from ....models.base.face_loads import Dot
@@ -23,12 +23,12 @@ from ...disk.bare_disk import BareDisk, bare_disk
 from ...disk.two_d.disk2d import disk_result
 from ...disk.two_d.disk_fit import FittedDisk
 from ...disk.two_d.disk_under_diagnosis import diagnosable, plate_of, thinner
-from ...disk.two_d.tensor_start import implausibility
+from ...disk.two_d.tensor_start import deviations, implausibility
 from ...disk.two_d.valley_search import FEW
 from ...engine.fitted_model import FittedModel, Seed
 from ...engine.recording import Recording
 from ...interface import UNCOMPUTABLE, Constant, Curve, FitError, FitResult, FitTask
-from ..decision_rules import COARSENED_RIM, NAMED
+from ..decision_rules import ASTRAY, COARSENED_RIM, NAMED
 from ..findings import Finding, FitSummary, Size
 from ..hypotheses.instrument_artefacts import UNKNOWN
 from ..hypotheses.problem import Candidate
@@ -172,9 +172,18 @@ def tried(
 def leaves_no_other(made: DiskTried, null: Refit) -> bool:
     """Return whether the disk leaves so little that no plate, whatever effects it has, needs to be looked for.
 
-    It then explains the misfit as `explained` means it: a tenth of the change of ln Z remains, or less.
+    It then explains the misfit as `explained` means it: a tenth of the change of ln Z remains, or less. But one whose
+    constants are further from the ceramic's than those of one disk in twenty may stand for a plate with an effect.
     """
-    return made.result.rms_log_error < _LEFT * _rms(null)
+    away = deviations(made.alone.disk, _tensor(made.alone.disk, made.result))
+    usual = float(away @ away) < float(chdtri(away.size, ASTRAY))
+    return usual and made.result.rms_log_error < _LEFT * _rms(null)
+
+
+def _tensor(disk: BareDisk, result: FitResult) -> dict[str, complex]:
+    """Return the ten constants of a disk by their names."""
+    constants = {name: result.constants[f"{disk.layer.name}.{name}"] for name in CONSTANTS}
+    return {name: complex(one.re, one.im) for name, one in constants.items()}
 
 
 def finite(made: DiskTried, task: FitTask, null: Refit, best: Refit) -> FiniteDisk | None:
@@ -205,9 +214,7 @@ def _probability(task: FitTask, result: FitResult, null: Refit, best: Refit) -> 
     points = sum(curve.frequency.size for curve in result.curves)
     gain = points * float(np.log(max(min(plates), 1.0) / chi2)) - _MORE / 2 * float(np.log(2 * points))
     disk = bare_disk(task, "disk2d", round_one=True, frees=True)
-    layer = disk.layer.name
-    found = {name: complex(one.re, one.im) for name, one in result.constants.items()}
-    against = implausibility(disk, {name: found[f"{layer}.{name}"] for name in CONSTANTS})
+    against = implausibility(disk, _tensor(disk, result))
     log_odds = gain / _coarseness(points * float(np.log(min(chi2, *plates)))) - against
     return float(expit(log_odds + float(np.log(_SHOWN)))) * max(0.0, 1 - chi2 / max(plates[0], chi2))
 

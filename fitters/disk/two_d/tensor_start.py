@@ -132,8 +132,17 @@ def _far(constant: str, part: float) -> bool:
 def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
     """Return -ln of the probability of ten constants relative to those of the usual ceramic, at least 0.
 
-    Uses the prior scatter of the fits: chi2 of the ratios of constants to the axial one of their kind (which softer and
-    stiffer ceramics have in common) and of losses above the usual, in excess of its mean.
+    It is half of the chi2 of their deviations in excess of its mean.
+    """
+    z = deviations(disk, found)
+    return 0.5 * max(0.0, float(z @ z) - z.size)
+
+
+def deviations(disk: BareDisk, found: Mapping[str, complex]) -> Reals:
+    """Return how far ten constants are from the usual ceramic, in the prior scatter of the fits.
+
+    Of ratios of constants to the axial one of their kind, which softer and stiffer ceramics have in common, and of
+    losses above the usual.
     """
     usual = expected(disk.layer)
     part = {
@@ -142,7 +151,7 @@ def implausibility(disk: BareDisk, found: Mapping[str, complex]) -> float:
     z = [(ratio - 1) / WIDTHS[name] for name, ratio in part.items()]
     lossy = [abs(found[name].imag / found[name].real) for name in ("c11E", "c33E", "c44E", "eps11S", "eps33S")]
     z += [max(0.0, math.log(max(loss, _LOSS) / _LOSS) / math.log(_LOSS_FACTOR)) for loss in lossy]
-    return 0.5 * max(0.0, float(np.sum(np.square(z))) - len(z))
+    return np.array(z)
 
 
 def tensor_priors(disk: BareDisk) -> tuple[Prior | Posterior, ...]:
