@@ -24,7 +24,7 @@ _Result = TypeVar("_Result")
 
 _PATIENCE = 10.0
 """Seconds to wait for an answer of the Dask scheduler."""
-_ADDRESS = re.compile(r"(tcp|tls)://[^/\s]+:\d{1,5}")
+_ADDRESS = re.compile(r"((tcp|tls)://)?[^/\s]+:\d{1,5}")
 
 _one_at_a_time = threading.Lock()
 """Lock per process: a Dask worker may have several threads, for which a third party's fitter may not be made."""
@@ -83,7 +83,7 @@ def fit_on_cores(
 def fit_on_dask(
     jobs: Sequence[BatchJob], fitter: str, address: str, heard: Heard = lambda _: None
 ) -> tuple[BatchOutcome, ...]:
-    """Fit all jobs on the Dask cluster whose scheduler is at `address` (tcp://host:port); order as in `fit_on_cores`.
+    """Fit all jobs on the Dask cluster whose scheduler is at `address` (host:port); order as in `fit_on_cores`.
 
     The results equal those of `fit_on_cores` to the last bit (except `seconds`) if the workers have the same processor
     and the same versions. Raises BatchError if Dask is not installed, `address` is invalid or no scheduler answers
@@ -97,12 +97,12 @@ def fit_on_dask(
 
 @contextlib.contextmanager
 def on_dask(address: str) -> Generator[Any]:
-    """Connect to the Dask scheduler at `address` (tcp://host:port) and yield the client.
+    """Connect to the Dask scheduler at `address` (host:port, or with tcp:// or tls:// before it) and yield the client.
 
     Raises BatchError if Dask is not installed, `address` is invalid or no scheduler answers there.
     """
     if not _ADDRESS.fullmatch(address):
-        raise BatchError(f"Dask scheduler {address!r}: tcp://HOST:PORT is needed")
+        raise BatchError(f"Dask scheduler {address!r}: HOST:PORT is needed")
     try:
         distributed: Any = import_module("distributed")  # an extra: nothing else of pzctl needs it
     except ImportError:

@@ -61,7 +61,7 @@ def diagnose(
     jobs: Annotated[
         int | None, typer.Option(min=1, max=64, help="Number of processes; without it, one on each core.")
     ] = None,
-    dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at tcp://HOST:PORT.")] = None,
+    dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at HOST:PORT.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
     """Show where recordings and model differ, which physical effects the model lacks, and what cannot be decided.

@@ -144,7 +144,7 @@ def fit(
     jobs: Annotated[
         int | None, typer.Option(min=1, max=64, help="With --all: number of processes; without it, one on each core.")
     ] = None,
-    dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at tcp://HOST:PORT.")] = None,
+    dask: Annotated[str | None, typer.Option(help="With --all: use the Dask cluster at HOST:PORT.")] = None,
     with_withdrawn: Annotated[
         bool, typer.Option("--with-withdrawn", help="With --all: include withdrawn measurements of the journal.")
     ] = False,

@@ -92,7 +92,8 @@ def cluster() -> Iterator[str]:
 
 def test_a_dask_cluster_answers_the_same_to_the_last_bit(cluster: str, on_cores: tuple[BatchOutcome, ...]) -> None:
     heard: list[str] = []
-    on_dask = fit_on_dask(JOBS, "mason", cluster, lambda outcome: heard.append(outcome.sample))
+    bare = cluster.removeprefix("tcp://")
+    on_dask = fit_on_dask(JOBS, "mason", bare, lambda outcome: heard.append(outcome.sample))
     assert content(on_dask) == content(on_cores)
     assert sorted(heard) == ["S1", "S3", "broken"]
 
@@ -103,13 +104,13 @@ def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
         fit_on_dask(JOBS, "mason", "tcp://127.0.0.1:8786")
 
 
-@pytest.mark.parametrize("address", ["nonsense", "udp://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786"])
+@pytest.mark.parametrize("address", ["nonsense", "udp://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786", "127.0.0.1", ":8786"])
 def test_what_is_no_address_is_said(address: str) -> None:
-    with pytest.raises(BatchError, match="tcp://HOST:PORT is needed"):
+    with pytest.raises(BatchError, match="scheduler .*: HOST:PORT is needed"):
         fit_on_dask(JOBS, "mason", address)
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "tcp://127.0.0.1:99999"])
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "127.0.0.1:1", "tcp://127.0.0.1:99999"])
 def test_where_no_scheduler_answers_it_says_so(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr("pzctl.fitters.population.batch._PATIENCE", 1.0)
