@@ -10,7 +10,7 @@ from ...models.base.arrays import Reals
 Values = Mapping[str, float]
 """Sizes in SI units, by name."""
 _LARGEST = 100.0
-TERMINALS, DEVICE = "terminals", "device"
+TERMINALS, DEVICE = "terminals", "layer:device"
 
 
 @dataclass(frozen=True)

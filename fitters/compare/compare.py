@@ -10,15 +10,27 @@ from ...models.base.plain_numbers import without_exponent
 from ...models.build import Build
 from ...models.sweep import Sweep
 from ..diagnosis.decision_rules import NAMED
-from ..diagnosis.findings import Remaining
+from ..diagnosis.findings import Bands, Remaining
+from ..diagnosis.validation.bands import guilty_bands
 from ..interface import TaskError
 from .answer.change_findings import findings_of, turned_in_file
 from .answer.limits import limits, repeatability
 from .answer.shifts import resonance_shifts
-from .answer.verdict import SURE, Told, alike_with_best, decided, is_usual, probable, simplest, substantial
+from .answer.verdict import (
+    SURE,
+    Told,
+    alike_with_best,
+    decided,
+    is_usual,
+    probable,
+    simplest,
+    substantial,
+    usual_difference,
+)
 from .comparison import ChangeFinding, ComparedCurve, Comparison, DescribedBy
 from .errors.instrument_errors import INSTRUMENT
 from .errors.pair_errors import PairErrors
+from .hypotheses.fitted import Fitted
 from .hypotheses.misfit import chi2, errors_beside, held_out, held_out_chi2
 from .hypotheses.search import Searched, search
 from .known_changes.device_changes import device_changes
@@ -116,8 +128,17 @@ def concluded(errors: PairErrors, searched: Searched, began: float) -> Compariso
         _says(replace(told, verdict=verdict), (findings, remarks), change, left),
         ComparedCurve(pair.frequency, pair.before, pair.after, named.errors.as_recorded(named.at.predicted)),
         time.monotonic() - began,
+        () if verdict in ("unchanged", "explained") else _leftover(errors, named),
         remarks,
     )
+
+
+def _leftover(errors: PairErrors, fit: Fitted) -> Bands:
+    """Return the bands in which an explanation leaves more than noise and the usual difference."""
+    pair = errors.pair
+    left = np.abs(np.log(pair.after / fit.errors.as_recorded(fit.at.predicted))) ** 2
+    noise = 2 * (pair.noise_before**2 + pair.noise_after**2)
+    return guilty_bands(pair.frequency, left / (noise + usual_difference(errors, fit) ** 2))
 
 
 def _says(

@@ -136,7 +136,7 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
         L = zm * 10 ** rng.uniform(-0.1, 0.5) / w
         z = 1j * wg * L + w * L / 40 * np.sqrt(1j * g / middle)
         elements = [shunt(1 / z + 1j * wg * 4e-12)]
-        made = replace(made, effect="shunt-coil", sizes=(("inductance", inductance(g, z)),))
+        made = replace(made, effect="shunt-inductance", sizes=(("inductance", inductance(g, z)),))
     elif kind == "capacitor":
         C = clamped * 10 ** rng.uniform(-1, 0.3)
         elements = [shunt(1j * wg * C * (1 - 2e-3j))]
@@ -147,7 +147,7 @@ def _pair(rng: np.random.Generator, kind: str, k: int) -> MadePair:
     elif kind == "stack":
         other = admittance(g, device(rng, middle * rng.uniform(0.8, 1.2), clamped), clamped * rng.uniform(0.5, 2))
         elements = [series(1 / other)]
-        made = replace(made, effect="something else", also=("series-capacitor",))
+        made = replace(made, effect="something else", also=("series-capacitance",))
     elif kind == "levels":
         low, high = 0.1, 1.0
         # All modes have the material's losses. One with several times the strong mode's Q would be bistable, and its

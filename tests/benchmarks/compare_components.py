@@ -142,7 +142,7 @@ def _pair(rng: np.random.Generator, kind: str) -> MadePair:
         L = zm * 10 ** rng.uniform(-0.3, 0.5) / w
         z, L = coil(rng, g, L, middle)
         elements = [shunt(1 / z)]
-        truth = {"effect": "shunt-coil", "sizes": (("inductance", L),)}
+        truth = {"effect": "shunt-inductance", "sizes": (("inductance", L),)}
     elif kind == "capacitor":
         C = clamped * 10 ** rng.uniform(-1, 0.5)
         z = 1 / (2j * np.pi * g * C * (1 - 1j * 10 ** rng.uniform(-3.5, -1.7))) + 2j * np.pi * g * 8e-9 + 0.05
@@ -158,7 +158,7 @@ def _pair(rng: np.random.Generator, kind: str) -> MadePair:
     elif kind == "stack":
         other = resonator(rng, middle * rng.uniform(0.85, 1.15), clamped * rng.uniform(0.5, 2))(g, False)
         elements = [series(1 / other)]
-        truth = {"effect": "something else", "also": ("series-capacitor", "new-resonance")}
+        truth = {"effect": "something else", "also": ("series-capacitance", "new-resonance")}
     made = MadePair(kind, as_written(f, 1 / before, rng), as_written(g, seen_through(g, 1 / now, elements), rng), "")
     made = replace(made, **truth)
     if elements and kind != "stack" and rng.uniform() < 0.3 and f is g:
@@ -192,7 +192,7 @@ def _recorded(rng: np.random.Generator) -> MadePair:
     own = resonator(rng, middle, clamped, 2.5)
     before, now = 1 / own(f, False), 1 / own(f, True)
     after = seen_through(f, now, [shunt(1 / z) if across else series(z)])
-    effect, also = ("shunt-coil", ()) if across else ("series-coil", ("lead-inductance",))
+    effect, also = ("shunt-inductance", ()) if across else ("series-coil", ("lead-inductance",))
     return MadePair(
         f"{size} uH {effect}", as_written(f, before, rng), as_written(f, after, rng), effect, also, (("inductance", L),)
     )

@@ -98,7 +98,7 @@ def _change(rng: np.random.Generator, change: str, f: np.ndarray, resonant: floa
         return elements, {"effect": "cable", "sizes": sizes}
     if change in ("coil", "coil across"):
         z, henry = coil(rng, f, resonant * (0.5 if change == "coil" else 1.2), middle)
-        effect, place = ("series-coil", [series(z)]) if change == "coil" else ("shunt-coil", [shunt(1 / z)])
+        effect, place = ("series-coil", [series(z)]) if change == "coil" else ("shunt-inductance", [shunt(1 / z)])
         return place, {"effect": effect, "sizes": (("inductance", henry),)}
     if change == "capacitor":
         C = 0.5 / (2 * np.pi * middle) ** 2 / resonant

@@ -153,7 +153,7 @@ def _piezo(rng: np.random.Generator) -> Iterator[MadePair]:
     """Yield a free disk with a coil across, with another in series, and a probe with a capacitor across."""
     middle, clamped = 10 ** rng.uniform(4.8, 6.3), 10 ** rng.uniform(-9.5, -8.5)
     grids, kind = _grids(rng, 0.6 * middle, 1.5 * middle), int(rng.integers(1 << 30))
-    for name, effect in (("piezo, coil across", "shunt-coil"), ("piezo, coil in series", "series-coil")):
+    for name, effect in (("piezo, coil across", "shunt-inductance"), ("piezo, coil in series", "series-coil")):
         device = resonator(np.random.default_rng(kind), middle, clamped)
         resonant = 1 / (2 * np.pi * middle) ** 2 / clamped
         henry = resonant * 10 ** (rng.uniform(-0.2, 0.4) if "across" in name else rng.uniform(-0.6, 0.1))
@@ -225,5 +225,5 @@ def _published(rng: np.random.Generator) -> Iterator[MadePair]:
         after = seen_through(f, warped(f, Z, rng), [shunt(1 / z) if across else series(factor * z)])
         L = factor * inductance(f, z)
         name = f"transducer, {factor:.1f} coils of {size} uH"
-        effect = "shunt-coil" if across else "series-coil"
+        effect = "shunt-inductance" if across else "series-coil"
         yield MadePair(name, Sweep(f, Z), bridge(rng)(f, after), effect, (), (("inductance", L),))

@@ -117,7 +117,7 @@ def _shunt_coil(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[lis
     L = zm / part / w[f.size // 2]
     z = 1j * w * L + w[f.size // 2] * L / rng.uniform(20, 100)
     own = min(10e-12, 0.02 / (w[-1] ** 2 * L))
-    return [shunt(1 / z + 1j * w * own)], ("shunt-coil", (), (("inductance", L),))
+    return [shunt(1 / z + 1j * w * own)], ("shunt-inductance", (), (("inductance", L),))
 
 
 def _shunt_c(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[list[np.ndarray], tuple]:
@@ -134,7 +134,7 @@ def _series_c(rng: np.random.Generator, f: np.ndarray, zm: float) -> tuple[list[
     w, part = 2 * np.pi * f, 10 ** rng.uniform(-1.3, 0.2)
     C = 1 / (part * zm * w[f.size // 2])
     return [series((1 + 1j * 10 ** rng.uniform(-4, -2)) / (1j * w * C))], (
-        "series-capacitor",
+        "series-capacitance",
         (),
         (("capacitance", C),),
     )
@@ -228,17 +228,17 @@ def in_device(seed: int, count: int) -> Iterator[MadePair]:
         f = np.linspace(0.65e6, 1.35e6, int(rng.choice([401, 801])))
         own = _resonators(rng)
         now = [list(one) for one in own]
-        kind = ("frequencies-scaled", "damping", "strength", "one-resonance", "new-resonance", "")[k % 6]
+        kind = ("frequency-shift", "damping-change", "coupling-change", "one-resonance", "new-resonance", "")[k % 6]
         size: tuple[tuple[str, float], ...] = ()
-        if kind == "frequencies-scaled":
+        if kind == "frequency-shift":
             shift = float(rng.choice([-1, 1]) * 10 ** rng.uniform(-2.8, -1.7))
             now = [[f0 * (1 + shift), q, c] for f0, q, c in now]
             size = (("shift", np.log1p(shift)),)
-        elif kind == "damping":
+        elif kind == "damping-change":
             factor = 10 ** (rng.uniform(0.05, 0.35) * float(rng.choice([-1, 1])))
             now = [[f0, q * factor, c] for f0, q, c in now]
             size = (("ln Q", float(np.log(factor))),)
-        elif kind == "strength":
+        elif kind == "coupling-change":
             factor = float(rng.uniform(0.75, 0.95))
             now = [[f0, q, c * factor] for f0, q, c in now]
             size = (("ln strength", float(np.log(factor))),)

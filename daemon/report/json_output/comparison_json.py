@@ -21,7 +21,11 @@ _NUMBERS = (
 
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
-    """Return a comparison as one JSON object, without the curves; a missing or infinite number is null."""
+    """Return a comparison as one JSON object, without the curves; a missing or infinite number is null.
+
+    It has every key of a diagnosis, with no `constants` and nothing that these could hide (`not_decidable`); `limits`
+    says what may be there undetected.
+    """
     return {
         "verdict": comparison.verdict,
         "probability": number(comparison.probability),
@@ -30,14 +34,21 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
         "baseline": {
             "chi2_per_dof": number(comparison.chi2_per_dof_before),
             "held_out": number(comparison.held_out_before),
+            "constants": {},
         },
         "final": {
             "chi2_per_dof": number(comparison.chi2_per_dof_after),
             "held_out": number(comparison.held_out_after),
+            "constants": {},
         },
         "findings": [_finding(one) for one in comparison.findings],
         "remarks": [_finding(one) for one in comparison.remarks],
         "remaining": msgspec.to_builtins(comparison.remaining),
+        "not_decidable": [],
+        "leftover": {
+            "bands_Hz": msgspec.to_builtins(comparison.leftover_Hz),
+            "chi2_per_dof": number(comparison.chi2_per_dof_after),
+        },
         "limits": [msgspec.to_builtins(one) for one in comparison.limits],
         "repeatability": [msgspec.to_builtins(one) for one in comparison.repeatability],
         "resonances": [msgspec.to_builtins(one) for one in comparison.resonances],

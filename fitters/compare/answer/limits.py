@@ -6,6 +6,7 @@ import numpy as np
 
 from ....models.base.arrays import Complexes, j_omega
 from ...diagnosis.findings import Size
+from ..change import DEVICE, TERMINALS
 from ..comparison import Limit, Repeatability
 from ..errors.pair_errors import PairErrors
 from ..hypotheses.fitted import Fitted
@@ -30,14 +31,14 @@ def limits(errors: PairErrors, fit: Fitted) -> tuple[Limit, ...]:
         ("series-resistance", "resistance", "ohm"): one / Z,
         ("stray-capacitance", "capacitance", "F"): -jw * Z,
         ("leakage", "conductance", "S"): -Z,
-        ("frequencies-scaled", "shift", "1"): -fit.at.through * errors.slope,
+        ("frequency-shift", "shift", "1"): -fit.at.through * errors.slope,
     }
     made: list[Limit] = []
     for (effect, name, unit), column in columns.items():
         if effect in fit.hypothesis.names:
             continue
         size, u = _limited(errors, fit, column)
-        where = "device" if effect == "frequencies-scaled" else "terminals"
+        where = DEVICE if effect == "frequency-shift" else TERMINALS
         made.append(Limit(effect, where, {name: Size(abs(size) + _AT_95 * u, u, unit)}))
     return tuple(made)
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ....models.base.arrays import Reals
 from ...diagnosis.decision_rules import CLASS_NATS, NAMED
 from ..change import TERMINALS
 from ..comparison import Verdict
@@ -49,12 +50,16 @@ def is_usual(errors: PairErrors, fit: Fitted, k: int) -> bool:
     if isinstance(change, Scaled):
         sizes = fit.hypothesis.values(fit.outcome.total, k)
         return abs(sizes["shift"]) < _WARM and abs(sizes["capacitance"]) < STRENGTH * _WARM
-    pair = errors.pair
     moved = np.abs(np.log(fit.at.predicted / predicted_without(fit, k)))
+    return bool(np.mean(moved > usual_difference(errors, fit)) < _FEW)
+
+
+def usual_difference(errors: PairErrors, fit: Fitted) -> Reals:
+    """Return by how much ln Z of two recordings of one device usually differs beside the noise, shape (N,)."""
     drift = _DRIFT * np.abs(fit.errors.slope)
     of = errors.instrument
-    usual = np.sqrt((2 * INSTRUMENT) ** 2 + drift**2 + of.of_fixture(pair.after) ** 2 + of.of_calibration() ** 2)
-    return bool(np.mean(moved > usual) < _FEW)
+    fixture = of.of_fixture(errors.pair.after)
+    return np.sqrt((2 * INSTRUMENT) ** 2 + drift**2 + fixture**2 + of.of_calibration() ** 2)
 
 
 def simplest(searched: Searched, alike: Sequence[int]) -> Fitted:

@@ -33,7 +33,7 @@ class Scaled:
     """All frequencies changed by one factor: temperature, ageing, thickness."""
 
     resonances: Resonances
-    effect: str = "frequencies-scaled"
+    effect: str = "frequency-shift"
     where: str = DEVICE
     odds: float = _USUAL
     sizes: tuple[ChangeSize, ...] = (
@@ -146,8 +146,8 @@ def device_changes(pair: Pair, own: Resonances) -> tuple[DeviceChange, ...]:
         damped = "All resonances are damped by another factor: losses, a load, a clamp."
         weaker = "All resonances are stronger or weaker by one factor: poling, active area."
         made += [
-            Moved(own, "damping", damped, (_Q,), every),
-            Moved(own, "strength", weaker, (_STRENGTH,), every),
+            Moved(own, "damping-change", damped, (_Q,), every),
+            Moved(own, "coupling-change", weaker, (_STRENGTH,), every),
             *(_alone(own, k, len(strongest)) for k in strongest),
         ]
     return tuple(made)

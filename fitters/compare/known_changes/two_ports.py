@@ -214,7 +214,7 @@ _ELEMENTS = (
         possible=_is_coil,
     ),
     TwoPort(
-        "shunt-coil",
+        "shunt-inductance",
         _COIL,
         lambda f, v: _shunt(1 / coil(f, v)),
         "A coil was put across the terminals.",
@@ -222,7 +222,7 @@ _ELEMENTS = (
         possible=_is_coil,
     ),
     TwoPort(
-        "series-capacitor",
+        "series-capacitance",
         (ChangeSize("capacitance", "F", 1e-9, 2.5), ChangeSize("loss tangent", "1", 2e-3, 1.5)),
         lambda f, v: _series(1 / _capacitor(f, v)),
         "A capacitor was put in series.",

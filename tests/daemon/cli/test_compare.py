@@ -47,6 +47,9 @@ def test_json_has_the_form_of_a_diagnosis_and_the_picture_is_drawn(
     found: dict[str, Any] = json.loads(out)
     assert status == 0
     assert found["verdict"] == "explained"
+    assert {"baseline", "final", "findings", "not_decidable", "leftover", "remaining", "remarks"} < found.keys()
+    assert found["final"].keys() == {"chi2_per_dof", "held_out", "constants"}
+    assert found["leftover"] == {"bands_Hz": [], "chi2_per_dof": found["final"]["chi2_per_dof"]}
     (finding,) = found["findings"]
     assert finding["effect"] == "series-coil"
     assert finding["where"] == "terminals"

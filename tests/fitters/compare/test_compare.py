@@ -47,7 +47,7 @@ def line(Z: np.ndarray, length: float, Z0: float) -> np.ndarray:
 
 CHANGES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str, str, float]] = {
     "a coil in series": (lambda Z: Z + JW * 3e-5 + 0.8, "series-coil", "inductance", 3e-5),
-    "a coil across": (lambda Z: 1 / (1 / Z + 1 / (JW * 2e-5 + 1)), "shunt-coil", "inductance", 2e-5),
+    "a coil across": (lambda Z: 1 / (1 / Z + 1 / (JW * 2e-5 + 1)), "shunt-inductance", "inductance", 2e-5),
     "a cable": (lambda Z: line(Z, 3.0, 50.0), "cable", "length", 3.0),
 }
 
@@ -81,8 +81,8 @@ def test_a_drifted_device_is_unchanged_and_limits_on_changes_are_given() -> None
 @pytest.mark.parametrize(
     ("change", "effect", "size", "true"),
     [
-        ({"shift": 0.997}, "frequencies-scaled", "shift", np.log(0.997)),
-        ({"strength": 0.9}, "strength", "ln strength", np.log(0.9)),
+        ({"shift": 0.997}, "frequency-shift", "shift", np.log(0.997)),
+        ({"strength": 0.9}, "coupling-change", "ln strength", np.log(0.9)),
         ({"other": 2e-12}, "new-resonance", "frequency", 1.2e6),
     ],
 )
@@ -91,7 +91,7 @@ def test_changes_in_the_device_are_named(change: dict[str, float], effect: str, 
     assert found.verdict == "explained"
     (finding,) = found.findings
     assert finding.effect == effect
-    assert finding.where == "device"
+    assert finding.where == "layer:device"
     assert finding.parameters[size].value == pytest.approx(true, rel=0.05)
 
 
@@ -106,7 +106,7 @@ def test_a_change_of_strength_includes_no_drift_of_the_frequencies() -> None:
     found = compare([recorded(device(), 1)], [recorded(device(strength=0.8, shift=1.0004), 2)])
     (finding,) = found.findings
     strength = finding.parameters["ln strength"]
-    assert finding.effect == "strength"
+    assert finding.effect == "coupling-change"
     assert strength.value == pytest.approx(np.log(0.8), abs=3 * strength.u)
     assert strength.u < 5e-3
 

@@ -133,6 +133,16 @@ def test_only_a_resonance_as_wide_as_a_step_is_taken_to_change_by_itself(q: floa
     assert ("one-resonance" in [one.effect for one in device_changes(pair, own)]) == resolved
 
 
+def test_changes_have_the_names_and_places_of_the_design() -> None:
+    f = np.linspace(0.7e6, 1.3e6, 201)
+    pair = pair_of([Sweep(f, sharp(f, 200.0))], [Sweep(f, sharp(f, 200.0))])
+    own = resonances_of(fitted_poles(f, pair.before, pair.noise_before), f, pair.before)
+    terminals = ("shunt-inductance", "series-capacitance", "gain", "lead-inductance", "cable", "polarity")
+    device = ("frequency-shift", "damping-change", "coupling-change", "new-resonance")
+    assert {(name, "terminals") for name in terminals} <= {(one.effect, one.where) for one in two_ports()}
+    assert {(name, "layer:device") for name in device} <= {(one.effect, one.where) for one in device_changes(pair, own)}
+
+
 def test_two_inverted_recordings_are_compared_unchanged() -> None:
     pair = pair_of([Sweep(F, -Z)], [Sweep(F, -Z)])
     assert pair.turned == ("inverted", "inverted")

@@ -66,7 +66,7 @@ def test_a_coil_with_a_core_that_resonates_in_the_band_is_named_alone(across: bo
     found = compare([recorded(resonator(), 1)], [recorded(1 / (1 / Z + 1 / z) if across else Z + z, 2)])
     assert found.verdict == "explained"
     (finding,) = found.findings
-    assert finding.effect == ("shunt-coil" if across else "series-coil")
+    assert finding.effect == ("shunt-inductance" if across else "series-coil")
     true = float(np.interp(np.sqrt(F[0] * F[-1]), F, z.imag / JW.imag))
     assert finding.parameters["inductance"].value == pytest.approx(true, rel=0.05)
 
@@ -85,4 +85,5 @@ def test_what_leaves_more_than_a_tenth_of_the_change_is_not_explained() -> None:
     wired = (resonator() + JW * 2e-6) * np.exp(0.05 * np.sin(60 * u) * (1 + 1j * u))
     found = compare([recorded(resonator(), 1)], [recorded(wired, 2)])
     assert found.verdict in {"partly-explained", "unexplained"}
+    assert found.leftover_Hz
     assert found.remaining.total > 0.1 * found.change
