@@ -31,6 +31,11 @@ _KEYS = (*_WORDS, _REFERENCE, "steps")
 _NAMES = re.compile(r"[a-z][a-z0-9-]{0,39}")
 _TAKEN = (LEARNED, "unknown", "finite-diameter", "fixture-residual")
 """Names with another meaning in a diagnosis."""
+_ONLY_FOUND = {
+    LEARNED: "is a law that `pzctl diagnose --learn` finds in recordings, not one of the list: what was found says it",
+    "unknown": "stands for what no effect of the list explains: `pzctl diagnose --learn` looks for its law",
+}
+"""Names of findings that are no effects of a list."""
 _WHERE: Mapping[str, str] = {
     "stiffness": "layer:NAME",
     "permittivity": "layer:NAME",
@@ -74,6 +79,8 @@ def every_effect() -> tuple[Effect, ...]:
 def find_any_effect(name: str) -> Effect:
     """Return the effect with this name, of the catalogue or of the user. Raises EffectError."""
     known = {effect.name: effect for effect in every_effect()}
+    if name in _ONLY_FOUND:
+        raise EffectError(f"effect {name!r} {_ONLY_FOUND[name]}")
     if name not in known:
         raise EffectError(f"effect {name!r} is not known; {among(name, list(known))}")
     return known[name]

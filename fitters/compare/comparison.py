@@ -101,7 +101,7 @@ class Comparison:
     curve: ComparedCurve
     seconds: float
     leftover_Hz: Bands = ()
-    """Bands in which the findings leave more than noise and the usual difference of two recordings; none if they explain the change."""
+    """Bands in which the findings leave more than two recordings usually differ by; none if they explain the change."""
     remarks: tuple[ChangeFinding, ...] = ()
     """Fitting changes that move no point by more than the usual difference of two recordings of one device."""
     described_by: DescribedBy | None = None

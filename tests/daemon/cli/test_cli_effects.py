@@ -2,6 +2,7 @@
 
 import json
 
+import pytest
 from typer.testing import CliRunner
 
 from pzctl.daemon.cli.commands import app
@@ -45,3 +46,10 @@ def test_one_effect_is_described_and_an_unknown_one_is_refused() -> None:
     refused = CliRunner().invoke(app, ["effects", "gremlins"]).exception
     assert isinstance(refused, EffectError)
     assert "'gremlins'" in str(refused)
+
+
+@pytest.mark.parametrize("name", ["learned", "unknown"])
+def test_a_name_that_only_findings_have_is_explained(name: str) -> None:
+    refused = CliRunner().invoke(app, ["effects", name]).exception
+    assert "`pzctl diagnose --learn`" in str(refused)
+    assert "is not known" not in str(refused)
