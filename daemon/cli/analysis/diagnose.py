@@ -88,7 +88,7 @@ def diagnose(
         else tuple(find_any_effect(name).name for name in comma_names("--effects", effects, "cable,bond-layer"))
     )
     every = every or _is_folder(recordings, build)
-    if every or dask:
+    if every or dask is not None:
         if fitter != DEFAULT:
             raise UsageError(f"--all diagnoses the model of {DEFAULT}; --fitter does not go with it")
         _check_all(
@@ -101,7 +101,7 @@ def diagnose(
                 "columns": columns,
             },
         )
-        if dask and jobs:
+        if dask is not None and jobs:
             raise UsageError("--jobs does not go with --dask: its workers are the processes")
         from .diagnose_all import diagnose_all
 
@@ -170,6 +170,8 @@ def _of_one_sample(recordings: list[str] | None, build: Path | None, fitter: str
     folder = next((one for one in recordings if Path(one).is_dir()), None)
     if folder is not None:
         raise UsageError(f"{folder} is a folder; STEP=FILE is needed, or nothing but one folder of samples")
+    if build is None and len(recordings) == 1 and "=" not in recordings[0]:
+        raise UsageError(f"{recordings[0]}: no such folder; one of samples is needed, or STEP=FILE")
     if build is None and fitter != "bvd":
         raise UsageError("no build is given; --build is needed, or --fitter bvd for an unknown device")
     return recordings

@@ -50,7 +50,10 @@ def diagnose_all(
     jobs = [_accurate(sample.job, accuracy) for sample in samples if sample.job is not None]
     sheets = sheets_of(job.task.build for job in jobs if job.task.build is not None)
     screen = console(stderr=True)
-    with on_dask(dask) if dask else contextlib.nullcontext() as client, screen.status("diagnosing") as status:
+    with (
+        on_dask(dask) if dask is not None else contextlib.nullcontext() as client,
+        screen.status("diagnosing") as status,
+    ):
         joint = diagnose_together(jobs, sheets, how, client, status.update, processes)
     unread = {sample.name: str(sample.error) for sample in samples if sample.job is None}
     joint = replace(joint, failed={**unread, **joint.failed})

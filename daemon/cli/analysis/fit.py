@@ -161,10 +161,10 @@ def fit(
     arguments = FitArguments(hold, tie or (), prior or (), bound or (), objective, uncertainty, sequential, freeze)
     frees = free_names(free)
     wanted = FitSelection(frees, arguments.amendments(frees), arguments.options())
-    if every or dask or jobs or with_withdrawn or not recordings:
+    if every or dask is not None or jobs or with_withdrawn or not recordings:
         of_all = {"--dask": dask, "--jobs": jobs, "--with-withdrawn": with_withdrawn}
         needs_all = next((name for name, value in of_all.items() if value), None)
-        if dask and jobs:
+        if dask is not None and jobs:
             raise UsageError("--jobs does not go with --dask: its workers are the processes")
         _check_all(
             every,

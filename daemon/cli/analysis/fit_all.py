@@ -102,7 +102,7 @@ def _batch(samples: "Sequence[Sample]", fitter: str, dask: str | None, processes
 
         outcomes = (
             fit_on_dask(jobs, fitter, dask, report_outcome)
-            if dask
+            if dask is not None
             else fit_on_cores(jobs, fitter, report_outcome, processes)
         )
     of_journal = [sample for sample in samples if sample.measurement is not None]

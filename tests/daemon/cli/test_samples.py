@@ -326,6 +326,8 @@ def test_what_does_not_show_is_not_told_as_zero_per_cent() -> None:
         (["fit", "--all"], "nothing was measured yet; begin with `pzctl measure`"),
         (["fit", "--all", "nowhere"], "nowhere: no such folder"),
         (["diagnose"], "no recording is given; STEP=FILE is needed, or --all"),
+        (["diagnose", "--dask", "", "disk=a.csv"], "--dask needs --all"),
+        (["diagnose", "nowhere"], "nowhere: no such folder; one of samples is needed, or STEP=FILE"),
         (["diagnose", "."], "no subfolder holds a build.toml"),
         (["diagnose", ".", "b"], ". is a folder; STEP=FILE is needed, or nothing but one folder of samples"),
         (
