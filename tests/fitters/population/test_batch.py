@@ -104,9 +104,9 @@ def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
         fit_on_dask(JOBS, "mason", "tcp://127.0.0.1:8786")
 
 
-@pytest.mark.parametrize("address", ["nonsense", "udp://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786", "127.0.0.1", ":8786"])
+@pytest.mark.parametrize("address", ["nonsense", "udp://127.0.0.1:8786", "tcp://127.0.0.1", "tcp://:8786", "127.0.0.1"])
 def test_what_is_no_address_is_said(address: str) -> None:
-    with pytest.raises(BatchError, match="scheduler .*: HOST:PORT is needed"):
+    with pytest.raises(BatchError, match=r"scheduler .*: HOST:PORT is needed"):
         fit_on_dask(JOBS, "mason", address)
 
 
