@@ -46,9 +46,14 @@ def _exp(x: Reals) -> tuple[Reals, Reals]:
     return p, p[:, None]
 
 
+def _log(p: Reals) -> Reals:
+    with np.errstate(divide="ignore"):  # a size that a fit has moved to zero has the coordinate -inf, and stays there
+        return np.log(p)
+
+
 def positive(name: str) -> Block:
     """Return the block of a positive constant: x = ln p."""
-    return Block((name,), (name,), _exp, np.log)
+    return Block((name,), (name,), _exp, _log)
 
 
 def quality(name: str) -> Block:

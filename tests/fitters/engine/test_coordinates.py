@@ -53,3 +53,9 @@ def test_only_free_coordinates_move() -> None:
     np.testing.assert_allclose(values["ml1.z"], 10e6)
     np.testing.assert_allclose(values["ml1.thickness"], 2e-4)
     np.testing.assert_allclose(J, [[0.0], [2e-4]])
+
+
+def test_a_size_of_zero_has_a_coordinate_without_a_warning() -> None:
+    size = positive("lead-inductance@terminals.resistance")
+    with np.errstate(divide="raise"):
+        assert size.forward(size.inverse(np.zeros(1)))[0] == 0
