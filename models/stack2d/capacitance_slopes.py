@@ -11,9 +11,10 @@ from typing import Self, TypeAlias
 import numpy as np
 
 from ..base.arrays import Complexes, Frequencies
+from .joined import whole_motion
 from .opened import OpenedSection, OpenedWaves
 from .section import INERTIAL, LAYER_CONSTANTS, PERMITTIVITY, VISCOUS, CrossSection
-from .waves import Motion, Rim, Sizes, Waves, WholeMotion, motion
+from .waves import Motion, Rim, Sizes, Waves, WholeMotion
 from .zones import ZonedSection, ZonedWaves
 
 Section: TypeAlias = CrossSection | ZonedSection
@@ -23,6 +24,7 @@ _ALIKE = 1e-5
 # Relative difference of squared wave numbers below which two waves are integrated as one: the closed form cancels.
 _CHUNK = 64
 # Frequencies that are solved together.
+_NONE: Complexes = np.zeros(1, np.complex128)
 _OF_FREQUENCY = {INERTIAL: 2.0, VISCOUS: 1.0}
 # Exponent of frequency in a term.
 
@@ -38,7 +40,7 @@ class StackCapacitance:
     by_log_thickness: Complexes
     """F, shape (F, L)."""
     by_log_radius: Complexes
-    """F, shape (F,)."""
+    """F, shape (F,); with it grow the radii of electrodes and layers, but not that of a hole."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +93,11 @@ class StackWaves:
     def _motions(self, fraction: float) -> Iterator[WholeMotion]:
         for one in self.chunks:
             if isinstance(one, Waves):
-                yield motion(one, self.sizes)
+                yield whole_motion(one, self.sizes)
             elif isinstance(one, ZonedWaves):
                 yield one.motion()
             else:
-                yield one.motion(fraction) if fraction > 0 else motion(one.around, self.sizes)
+                yield one.motion(fraction) if fraction > 0 else whole_motion(one.around, self.sizes)
 
 
 def capacitance(section: Section, sizes: Sizes, values: Complexes, frequency: Frequencies) -> Complexes:
@@ -109,27 +111,70 @@ def _slopes(section: Section, sizes: Sizes, found: WholeMotion) -> StackCapacita
     by_thickness = np.zeros((count, section.layers), np.complex128)
     by_frequency = np.zeros(count, np.complex128)
     for part in found.parts:
-        moments = _moments(part)
-        for pair, block in part.section.blocks.items():
-            number, *shape = block.matrices.shape
-            flat = shape[0] * shape[1]
-            twice = 1.0 if pair[0] == pair[1] else 2.0
-            each = moments[pair].reshape(count, flat) @ block.matrices.reshape(number, flat).T
-            each *= -2 * np.pi * PERMITTIVITY * sizes.unit * twice
+        for pair, each in _by_weight(part, _moments(part), sizes):
             weighed = each * part.weights[pair]
-            for k, term in enumerate(block.terms):
+            for k, term in enumerate(part.section.blocks[pair].terms):
                 by_constant[:, term.constant] += each[:, k] * part.factors[pair][:, k]
                 by_thickness[:, term.layer] += term.power * weighed[:, k]
                 by_frequency += _OF_FREQUENCY.get(term.frequency, 0.0) * weighed[:, k]
     # C is of the dimension of a length: the same constants at all sizes times s and frequency over s give s C
     by_radius = found.capacitance - by_thickness.sum(axis=1) + by_frequency
+    hole = found.parts[0].inner
+    if hole is not None:
+        by_radius = by_radius - _by_log_hole(found.parts[0], hole, sizes)
     return StackCapacitance(found.capacitance, by_constant, by_thickness, by_radius)
+
+
+def _by_log_hole(found: Motion, hole: Rim, sizes: Sizes) -> Complexes:
+    """Return the derivative of the capacitance by the logarithm of the hole's radius, F, shape (F,).
+
+    The form is stationary and the rim is free, so that it is the form's value there, and the hole takes it away.
+    """
+    radius, moments = hole.radius, dict[tuple[str, str], Complexes]()
+    first, second = _fields(found)
+    for fields, along in ((first, np.pad(hole.zero, ((0, 0), (1, 0)), constant_values=1.0)), (second, hole.one)):
+        there = {name: _at(field, along) for name, field in fields.items()}
+        for n, left in enumerate(there):
+            for right in list(there)[n:]:
+                moments[left, right] = -radius * there[left][:, :, None] * there[right][:, None, :]
+    u, divergence = (_at(found.waves["U"], hole.one), _at(found.waves["U"] * found.k[:, None], hole.zero))
+    product = u[:, :, None] * (divergence - u / radius)[:, None, :]  # u_r and its slope along r
+    moments["rim", "rim"] = -(product + np.swapaxes(product, 1, 2))
+    each = (np.sum(own * found.weights[pair], axis=1) for pair, own in _by_weight(found, moments, sizes))
+    return np.asarray(radius * sum(each, _NONE), np.complex128)
+
+
+def _by_weight(
+    found: Motion, moments: Mapping[tuple[str, str], Complexes], sizes: Sizes
+) -> Iterator[tuple[tuple[str, str], Complexes]]:
+    """Return the capacitance in F over the weight of each term, shape (F, T), for each pair of fields."""
+    for pair, block in found.section.blocks.items():
+        number, *shape = block.matrices.shape
+        flat = shape[0] * shape[1]
+        twice = 1.0 if pair[0] == pair[1] else 2.0
+        each = moments[pair].reshape(-1, flat) @ block.matrices.reshape(number, flat).T
+        each *= -2 * np.pi * PERMITTIVITY * sizes.unit * twice
+        yield pair, each
 
 
 def _moments(found: Motion) -> Mapping[tuple[str, str], Complexes]:
     """Return the integral over r of the products of each pair of fields, by function of z, shape (F, n, m)."""
-    k, U = found.k[:, None], found.waves["U"]
     along0, along1 = _integrals(found)
+    made: dict[tuple[str, str], Complexes] = {}
+    for fields, integrals in zip(_fields(found), (along0, along1), strict=True):
+        names = list(fields)
+        for n, left in enumerate(names):
+            by_right = fields[left] @ integrals
+            for right in names[n:]:
+                made[left, right] = by_right @ np.swapaxes(fields[right], 1, 2)
+    rim = _squared(_at(found.waves["U"], found.outer.one))
+    made["rim", "rim"] = rim if found.inner is None else rim - _squared(_at(found.waves["U"], found.inner.one))
+    return made
+
+
+def _fields(found: Motion) -> tuple[dict[str, Complexes], dict[str, Complexes]]:
+    """Return the fields along J0, of the plate of infinite width and the waves, and those along J1, of the waves."""
+    k, U = found.k[:, None], found.waves["U"]
 
     def with_wide(name: str) -> Complexes:
         return np.concatenate([found.wide[name][:, :, None], found.waves[name]], axis=2)
@@ -143,20 +188,17 @@ def _moments(found: Motion) -> Mapping[tuple[str, str], Complexes]:
         "P": np.concatenate([found.wide["P"][:, :, None], np.concatenate([lift, P], axis=1)], axis=2),
     }
     second = {"U": U, "kW": found.waves["W"] * k, "kP": P * k}
-    made: dict[tuple[str, str], Complexes] = {}
-    for fields, integrals in ((first, along0), (second, along1)):
-        names = list(fields)
-        for n, left in enumerate(names):
-            by_right = fields[left] @ integrals
-            for right in names[n:]:
-                made[left, right] = by_right @ np.swapaxes(fields[right], 1, 2)
-    at_rim = np.einsum("fun,fn->fu", U, found.outer.one)
-    rim = at_rim[:, :, None] * at_rim[:, None, :]
-    if found.inner is not None:
-        at_rim = np.einsum("fun,fn->fu", U, found.inner.one)
-        rim = rim - at_rim[:, :, None] * at_rim[:, None, :]
-    made["rim", "rim"] = rim
-    return made
+    return first, second
+
+
+def _at(fields: Complexes, along: Complexes) -> Complexes:
+    """Return fields of shape (F, n, N) with their waves' values at a radius, shape (F, n)."""
+    return np.einsum("fin,fn->fi", fields, along)
+
+
+def _squared(field: Complexes) -> Complexes:
+    """Return the products of a field's functions of z, shape (F, n, n)."""
+    return field[:, :, None] * field[:, None, :]
 
 
 def _integrals(found: Motion) -> tuple[Complexes, Complexes]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Complexes, Reals
 from .section import PERMITTIVITY
-from .waves import Motion, Rim, Sizes, Waves, WholeMotion, decaying, standing
+from .waves import Motion, Rim, Sizes, Waves, WholeMotion, decaying, motion, standing
 
 _Row: TypeAlias = tuple[Sequence[tuple[slice, Complexes]], Complexes]
 # Equations: the factors of the amplitudes at each place, shapes (F, n, N), and their right side, (F, n).
@@ -78,17 +78,18 @@ class _Part:
 
 
 def joined(zones: Sequence[Waves], radii: Sequence[float], contacts: Sequence[Contact], sizes: Sizes) -> WholeMotion:
-    """Return the motion of a stack for one volt.
+    """Return the motion of a stack for one volt, free at its rim and at that of its hole.
 
-    `zones`: waves of each part from the axis outwards; `radii`: their outer ones over the unit of length.
+    `zones`: waves of each part from the axis or the hole outwards; `radii`: their outer ones over the unit of length.
     """
-    parts = _parts(zones, radii)
-    edges = [part.inner for part in parts if part.inner is not None]
+    parts = _parts(zones, radii, sizes.hole / sizes.unit)
+    edges = [part.inner for part in parts[1:] if part.inner is not None]
     meetings = list(zip(contacts, pairwise(parts), edges, strict=True))
     rows = [row for contact, (inner, outer), edge in meetings for row in _meeting(contact, inner, outer, edge)]
-    rim = parts[-1]
-    rows.append(([(rim.at, rim.forces(rim.outer)[:, rim.pulled])], -rim.waves.forces[:, rim.pulled]))
-    amplitudes = _solved(rows, rim.at.stop)
+    first, last = parts[0], parts[-1]
+    rims = [(last, last.outer), *([(first, first.inner)] if first.inner is not None else [])]
+    rows += [([(part.at, part.forces(rim)[:, part.pulled])], -part.waves.forces[:, part.pulled]) for part, rim in rims]
+    amplitudes = _solved(rows, last.at.stop)
     motions = tuple(part.motion(amplitudes) for part in parts)
     pairs_of = zip(parts, motions, strict=True)
     charge = sum((part.waves.charge(own) for part, own in pairs_of if part.waves.section.driven), _NONE)
@@ -98,6 +99,11 @@ def joined(zones: Sequence[Waves], radii: Sequence[float], contacts: Sequence[Co
             flux = (outer.forces(edge) @ amplitudes[:, outer.at, None])[:, :, 0] @ contact.lift
             charge = charge + 2 * np.pi * edge.radius * flux
     return WholeMotion(charge * PERMITTIVITY * sizes.unit, motions)
+
+
+def whole_motion(waves: Waves, sizes: Sizes) -> WholeMotion:
+    """Return the motion of a stack that is the same everywhere for one volt."""
+    return joined((waves,), (sizes.radius / sizes.unit,), (), sizes) if sizes.hole > 0 else motion(waves, sizes)
 
 
 def _meeting(contact: Contact, inner: _Part, outer: _Part, edge: Rim) -> list[_Row]:
@@ -133,18 +139,16 @@ def as_sums(columns: Reals, of: Reals) -> Reals:
     return np.asarray(np.linalg.lstsq(of, columns)[0], np.float64)
 
 
-def _parts(zones: Sequence[Waves], radii: Sequence[float]) -> list[_Part]:
+def _parts(zones: Sequence[Waves], radii: Sequence[float], hole: float) -> list[_Part]:
     """Return the parts with their cylinder functions: those that stand and, away from the axis, those that decay."""
     made: list[_Part] = []
-    within: float | None = None
-    start = 0
+    b, start = hole, 0
     for own, a in zip(zones, radii, strict=True):
         inner, outer, waves = None, standing(own.k, a, a), own
-        if within is not None:
-            b = within
+        if b > 0:
             inner, outer = (standing(own.k, r, a).beside(decaying(own.k, r, b)) for r in (b, a))
             waves = own.doubled
         end = start + waves.k.shape[1] + own.section.floats
         made.append(_Part(waves, inner, outer, slice(start, end)))
-        within, start = a, end
+        b, start = a, end
     return made

@@ -12,9 +12,9 @@ import numpy as np
 
 from ..base.arrays import Complexes, Frequencies, Reals
 from .capacitance_slopes import Section, capacitance
-from .joined import as_sums
+from .joined import as_sums, whole_motion
 from .section import STATIC, CrossSection
-from .waves import Motion, Sizes, Waves, motion
+from .waves import Motion, Sizes, Waves
 from .zones import ZonedSection, ZonedWaves, inherited
 
 KEPT = 5e-4
@@ -33,7 +33,7 @@ def reduced(section: Section, sizes: Sizes, values: Complexes, frequency: Freque
     `values`: constants, shape (F, 11 L + 2), SI. Raises StackError.
     """
     if isinstance(section, CrossSection):
-        whole = motion(Waves.of(section, sizes, values, frequency), sizes)
+        whole = whole_motion(Waves.of(section, sizes, values, frequency), sizes)
         return _reduced_part(section, whole.parts[0], whole.capacitance, kept, {})
     whole = ZonedWaves.of(section, sizes, values, frequency).motion()
     made: list[CrossSection] = []

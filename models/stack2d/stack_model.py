@@ -50,18 +50,28 @@ class Stack2D:
     """The same in front."""
     opening: Opening | None = None
     """Where a bond is open, if one is."""
+    hole: float = 0.0
+    """Radius of a hole through the middle of all layers, m; the area is then that of a ring."""
     _known: "list[_Known]" = field(default_factory=list["_Known"], compare=False, repr=False)
     """The last waves of this stack and of copies with other values."""
 
     def __post_init__(self) -> None:
         require_positive("stack", area=self.area)
+        ends = [layer.reach if isinstance(layer, Isotropic) else layer.electrode for layer in self.layers]
+        narrowest = min(ends) * self.sizes.radius
+        if not 0 <= self.hole < narrowest:
+            raise StackError(
+                f"stack: its hole has a radius of {self.hole:g} m; 0 to below {narrowest:g} m is allowed, the radius "
+                "of its narrowest layer or electrode"
+            )
         if min(self.back, self.front) < 0:
             raise StackError(f"stack: loads are {self.back:g} and {self.front:g} Rayl; not less than 0 is allowed")
 
     @property
     def sizes(self) -> Sizes:
-        """Radius and thicknesses."""
-        return Sizes(math.sqrt(self.area / math.pi), tuple(layer.thickness for layer in self.layers))
+        """Radii and thicknesses."""
+        radius = math.sqrt(self.area / math.pi + self.hole**2)
+        return Sizes(radius, tuple(layer.thickness for layer in self.layers), self.hole)
 
     def parameters(self) -> dict[str, float]:
         """Return `area`, `back.z`, `front.z`, and `layer.constant` of every layer, SI units."""
@@ -95,9 +105,12 @@ class Stack2D:
     def faces_for(self, load: type[Load]) -> tuple[str, ...]:
         """Return the interfaces, at which a bond may be open; nothing else lies on its faces. See `HasFaces`.
 
-        None if the section is reduced, for the motion at an opening needs functions of its own, or if it has parts.
+        None if the section is reduced, for the motion at an opening needs functions of its own, if it has parts, or
+        a hole where the opening would be.
         """
-        if load is not OpenBond or isinstance(self.section, ZonedSection) or not self.section.is_whole:
+        if load is not OpenBond or self.hole > 0 or isinstance(self.section, ZonedSection):
+            return ()
+        if not self.section.is_whole:
             return ()
         return tuple(f"interface:{a.name}|{b.name}" for a, b in pairwise(self.layers))
 
@@ -170,7 +183,7 @@ class Stack2D:
         found = self._slopes(frequency)
         wide = len(LAYER_CONSTANTS)
         rows = {
-            "area": found.by_log_radius / (2 * self.area),
+            "area": found.by_log_radius / (2 * math.pi * self.sizes.radius**2),
             "back.z": found.by_constant[:, -2],
             "front.z": found.by_constant[:, -1],
         }

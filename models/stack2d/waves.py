@@ -33,6 +33,8 @@ class Sizes:
     """m, of all layers."""
     thicknesses: tuple[float, ...]
     """m, back to front."""
+    hole: float = 0.0
+    """Radius of a hole through the middle of all layers, m; 0 if there is none."""
 
     @property
     def unit(self) -> float:
@@ -217,7 +219,7 @@ def _factors(section: CrossSection, sizes: Sizes, frequency: Frequencies) -> dic
 
 
 def motion(own: Waves, sizes: Sizes) -> WholeMotion:
-    """Return the motion of a stack with these waves, free at its rim, for one volt."""
+    """Return the motion of a stack without a hole with these waves, free at its rim, for one volt."""
     a = sizes.radius / sizes.unit
     rim = standing(own.k, a, a)
     amplitudes = np.asarray(np.linalg.solve(own.stresses(rim), -own.forces[:, :, None])[:, :, 0], np.complex128)

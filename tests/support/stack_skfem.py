@@ -50,10 +50,11 @@ class SkfemStack:
     """A stack of round layers; one of them is the ceramic, with electrodes on both faces.
 
     `opening`: index of a layer that is missing within a radius, and that radius in m. `ends`: radii in m of layers
-    that end before the rim, by index; `electrode`: radius of both electrodes in m.
+    that end before the rim, by index; `electrode`: radius of both electrodes in m; `hole`: radius of a hole through
+    all layers in m.
     """
 
-    def __init__(self, radius, layers, per_thickness=2, opening=None, ends=None, electrode=None):
+    def __init__(self, radius, layers, per_thickness=2, opening=None, ends=None, electrode=None, hole=0.0):
         self.layers = layers
         (piezo,) = (layer for layer in layers if layer.piezo)
         faces = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
@@ -61,10 +62,10 @@ class SkfemStack:
             np.linspace(low, high, one.cells + 1)[:-1] for (low, high), one in zip(pairwise(faces), layers, strict=True)
         ]
         z = np.append(np.concatenate(heights), faces[-1])
-        cells = max(2, int(np.ceil(radius / piezo.thickness * per_thickness)))
-        inner = np.linspace(0, radius, cells + 1)[:-1]
-        near = [radius - part * piezo.thickness / per_thickness for part in NEAR]
-        r, cell = np.concatenate([inner, near, [radius]]), piezo.thickness / per_thickness
+        cells = max(2, int(np.ceil((radius - hole) / piezo.thickness * per_thickness)))
+        r, cell = np.linspace(hole, radius, cells + 1), piezo.thickness / per_thickness
+        beside = [radius - part * cell for part in NEAR] + ([hole + part * cell for part in NEAR] if hole else [])
+        r = np.sort(np.append(r, beside))
         ends = ends or {}
         on_faces = {*ends.values(), *([electrode] if electrode else [])}
         if on_faces:  # finer beside every face
