@@ -126,6 +126,8 @@ class Build:
     """In gluing order."""
     diameter: Quantity | None = None
     """Diameter, m; None if only the area is known."""
+    hole_diameter: Quantity | None = None
+    """Diameter of a round hole through the middle of all layers, m; the area is then that of a ring."""
     plan: SweepPlan | None = None
     """Measuring plan, if the file contains one."""
     limits: LevelLimits | None = None

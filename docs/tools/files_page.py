@@ -60,7 +60,7 @@ _SEVERAL = "A place has an effect once, but may have several resonances (`spurio
 
 def page() -> str:
     """Return the page as Markdown."""
-    parts = [_HEAD, "## At the top", _table({**keys.TOP_ENTRIES, **keys.SIZE_KEYS})]
+    parts = [_HEAD, "## At the top", _table({**keys.TOP_ENTRIES, **keys.SIZE_KEYS, **keys.HOLE_KEYS})]
     parts += ["## `[[layers]]`", _table(keys.LAYER_ENTRIES)]
     parts += [
         'With `kind = "piezo"`:',
@@ -204,8 +204,10 @@ def _build() -> Schema:
         "effects": _list(_object(effects, _needed(keys.EFFECT_ENTRIES), others=value)),
     }
     described = {name: {**entries[name], **table} for name, table in tables.items()}
-    whole = _object({**entries, **described, **_constants(keys.SIZE_KEYS)}, _needed(keys.TOP_ENTRIES))
-    return {**whole, "oneOf": [{"required": [key]} for key in keys.SIZE_KEYS]}
+    sizes = _constants({**keys.SIZE_KEYS, **keys.HOLE_KEYS})
+    whole = _object({**entries, **described, **sizes}, _needed(keys.TOP_ENTRIES))
+    beside = {key: ["diameter_mm"] for key in keys.HOLE_KEYS}
+    return {**whole, "oneOf": [{"required": [key]} for key in keys.SIZE_KEYS], "dependentRequired": beside}
 
 
 def _layer(kind: str) -> Schema:

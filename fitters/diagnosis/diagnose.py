@@ -27,6 +27,7 @@ from .hypotheses.candidates import candidates, flaws
 from .hypotheses.held_out import BANDS, bands_of
 from .hypotheses.hypothesis import Hypothesis, beside
 from .hypotheses.instrument_artefacts import ANY, UNKNOWN
+from .hypotheses.model_under_diagnosis import LayeredModel
 from .hypotheses.problem import Candidate, Problem
 from .hypotheses.size_priors import unusual_size
 from .inference import finite_diameter as lateral
@@ -54,6 +55,7 @@ from .validation.residual_summary import in_words, remainder
 from .validation.whole_device import whole_device
 
 _CUT_SHORT = "The search ended at its budget of evaluations: combinations of effects that explain more may exist."
+_OF_A_RING = "The device is a ring, and effects may stand for its lateral modes: diagnose it with --fitter stack2d."
 _NOT_CARRIED = "A finite diameter cannot be tested on another sample: diagnose that sample by itself."
 
 
@@ -360,6 +362,7 @@ def _told(
             *((whole_device(found.final).says,) if _has_learned(found) else ()),
             *(_nearest(found) if verdict == "unexplained" and not found.undecided else ()),
             *((_CUT_SHORT,) if search.cut_short else ()),
+            *((_OF_A_RING,) if verdict != "no-mismatch" and _is_a_plate_of_a_ring(problem) else ()),
         ),
         before=curves_of(before.fit.objective, before.fit.descent.x, before.fit.descent.x),
         after=_with_errors(curves_of(final.objective, final.descent.x, final.descent.x), found),
@@ -535,6 +538,10 @@ def _with_errors(curves: Sequence[Curve], found: Conclusion) -> tuple[Curve, ...
     return tuple(
         replace(curve, explained=curve.measured * np.exp(own)) for curve, own in zip(curves, left, strict=True)
     )
+
+
+def _is_a_plate_of_a_ring(problem: Problem) -> bool:
+    return isinstance(problem.model, LayeredModel) and problem.model.build.hole_diameter is not None
 
 
 def _says(verdict: Verdict, findings: Sequence[Finding], remaining: Remaining | None) -> tuple[str, ...]:

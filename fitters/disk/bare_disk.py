@@ -137,6 +137,10 @@ def bare_disk(task: FitTask, fitter: str, round_one: bool, frees: bool) -> BareD
         raise FitError(
             f"`{fitter}` needs a round disk: build {build.name!r} gives area_mm2; write diameter_mm if it is round"
         )
+    if round_one and build.hole_diameter is not None:
+        raise FitError(
+            f"`{fitter}` covers disks without a hole; build {build.name!r} gives hole_diameter_mm: fit it with stack2d"
+        )
     refuse_another_device(build, {step: sweeps[step]})
     ground = build.reground(step).get(layers[0].name)
     if ground is not None:

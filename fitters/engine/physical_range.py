@@ -48,7 +48,7 @@ def beyond_solids(layer: LayerSpec, constants: Mapping[str, Constant]) -> Iterat
 def too_thick(build: Build, layer: LayerSpec, constants: Mapping[str, Constant]) -> Iterator[str]:
     """Yield a warning if a layer is thicker than glue lines if it is soft, or than the device is wide."""
     thickness, z = (constants[f"{layer.name}.{name}"].re for name in ("thickness", "z"))
-    width = 2 * math.sqrt(build.area.re / math.pi)
+    width = 2 * math.sqrt(build.area.re / math.pi) if build.diameter is None else build.diameter.re
     limit, what = (THICKEST, "a line of glue") if z < SOFT else (width, "a layer of this device, by its width,")
     if thickness > limit:
         yield (

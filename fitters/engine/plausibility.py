@@ -292,5 +292,6 @@ def _explained(build: Build, piezo: LayerSpec, what: str, ratio: float) -> str:
         return f"a thickness of {1e3 * piezo.values['thickness'].re / np.sqrt(ratio):.3g} mm"
     if build.diameter is None:
         return f"an area of {1e6 * build.area.re * ratio:.3g} mm2"
-    size = 1e3 * build.diameter.re
-    return f"a diameter of {size * np.sqrt(ratio):.3g} mm instead of {size:.3g} mm"
+    size, hole = 1e3 * build.diameter.re, 0.0 if build.hole_diameter is None else 1e3 * build.hole_diameter.re
+    other = np.sqrt(ratio * (size**2 - hole**2) + hole**2)
+    return f"a diameter of {other:.3g} mm instead of {size:.3g} mm"

@@ -48,8 +48,8 @@ _SUBJECTS: dict[str, Callable[[FitTask], Subject]] = {
 def models_for(build: Build, step: str) -> tuple[str, ...]:
     """Return the fitters that support a manual fit of a step. Raises KeyError for an unknown step."""
     kinds = [build.layer(name).kind for name in build.step(step).layers]
-    bare_and_round = kinds == ["piezo"] and build.diameter is not None
-    return tuple(_SUBJECTS) if bare_and_round else (StackManualFit.fitter,)
+    disk = kinds == ["piezo"] and build.diameter is not None and build.hole_diameter is None
+    return tuple(_SUBJECTS) if disk else (StackManualFit.fitter,)
 
 
 @dataclass(frozen=True, eq=False)

@@ -207,11 +207,11 @@ def _carried(solution: Solution) -> Reals:
 
 
 def _aspect(build: Build) -> float | None:
-    """Return diameter/thickness of the first piezo layer, if the diameter is known."""
+    """Return diameter/thickness of the first piezo layer, if the diameter is known; without the hole of a ring."""
     if build.diameter is None:
         return None
-    piezo = build.piezos[0]
-    return build.diameter.re / piezo.values["thickness"].re
+    hole = 0.0 if build.hole_diameter is None else build.hole_diameter.re
+    return (build.diameter.re - hole) / build.piezos[0].values["thickness"].re
 
 
 def verdict(
@@ -258,6 +258,11 @@ def _lateral(build: Build, curves: Sequence[Curve]) -> tuple[str, ...]:
         return ()
     if not any(_resonances(c.frequency, c.measured) > _resonances(c.frequency, c.fitted) + 1 for c in bare):
         return ()
+    if build.hole_diameter is not None:
+        return (
+            f"The wall of the ring is {aspect / 2:.1f} times as wide as thick: its lateral modes overlap the thickness "
+            "resonance, and a 1-D model mistakes them for loss. `--fitter stack2d` models them.",
+        )
     return (
         f"Diameter/thickness is {aspect:.1f}: radial overtones and the edge mode overlap the thickness resonance of "
         "such a disk, and a 1-D model mistakes them for loss. `--fitter disk2d` models them, for the bare disk, "

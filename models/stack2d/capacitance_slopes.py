@@ -179,9 +179,9 @@ def _fields(found: Motion) -> tuple[dict[str, Complexes], dict[str, Complexes]]:
     def with_wide(name: str) -> Complexes:
         return np.concatenate([found.wide[name][:, :, None], found.waves[name]], axis=2)
 
-    still = np.zeros((*U.shape[:2], 1))
+    still = np.zeros((*U.shape[:2], 1), np.complex128)
     P = found.waves["P"]
-    lift = np.zeros((P.shape[0], 1, P.shape[2]))
+    lift = np.zeros((P.shape[0], 1, P.shape[2]), np.complex128)
     first = {
         "E": np.concatenate([still, U * k], axis=2),
         "W": with_wide("W"),

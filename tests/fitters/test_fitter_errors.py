@@ -23,7 +23,7 @@ from pzctl.fitters.layered.mason import Mason
 from pzctl.fitters.layered.nelder_mead import MasonNelderMead
 from pzctl.fitters.uncertainty.bootstrap import Draws
 from pzctl.fitters.uncertainty.intervals import with_draws
-from pzctl.models.build import Build
+from pzctl.models.build import Build, Quantity
 from pzctl.models.disk.round_disk import RadialDisk
 from pzctl.models.materials import SHERRIT_RADIAL
 from pzctl.models.sweep import Sweep
@@ -151,6 +151,15 @@ def test_a_wish_that_this_build_does_not_grant(
     recorded: Callable[..., FitTask], fitter: type, steps: tuple[str, ...], wishes: dict[str, object], says: str
 ) -> None:
     assert refused(fitter(), recorded(*steps, **wishes)) == says
+
+
+@pytest.mark.parametrize("fitter", [SherritRadial, RadialLeastSquares, Disk2DFitter])
+def test_a_ring_is_for_stack2d(recorded: Callable[..., FitTask], fitter: type) -> None:
+    task = recorded("disk")
+    sizes = {"diameter": Quantity(16e-3), "hole_diameter": Quantity(4e-3)}
+    assert refused(fitter(), replace(task, build=replace(task.build, **sizes))) == (
+        f"`{fitter.name}` covers disks without a hole; build 'G' gives hole_diameter_mm: fit it with stack2d"
+    )
 
 
 def radial_disk(build: Build) -> RadialDisk:

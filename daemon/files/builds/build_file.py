@@ -22,6 +22,7 @@ from .file_keys import (
     ELECTRICAL_ENTRIES,
     ELECTRODE_KEYS,
     FREQUENCY_UNITS,
+    HOLE_KEYS,
     LAYER_ENTRIES,
     LAYER_SIZE_KEYS,
     LOAD_ENTRIES,
@@ -86,15 +87,16 @@ def parse_build(text: str, source: str = "build.toml") -> Build:
             f"{source}: this is not a build.toml: it is nested too deeply or has a number too long"
         ) from None
     top = Table(data, source)
-    top.only((*SIZE_KEYS, *TOP_ENTRIES))
+    top.only((*SIZE_KEYS, *HOLE_KEYS, *TOP_ENTRIES))
     name = top.string("name")
-    diameter, area = _size(top)
+    diameter, hole, area = _size(top)
     load = _loads(top)
     layers = resolved(tuple(_layer(table) for table in top.tables("layers", "layer")), source)
     build = Build(
         name=name,
         area=area,
         diameter=diameter,
+        hole_diameter=hole,
         layers=layers,
         back=_load(load, "back"),
         front=_load(load, "front"),
@@ -131,18 +133,22 @@ def build_from_json(obj: object) -> Build:
     return build
 
 
-def _size(top: Table) -> tuple[Quantity | None, Quantity]:
-    """Return diameter (m), or None if only the area is given, and area (m2)."""
-    size = top.quantities(SIZE_KEYS)
+def _size(top: Table) -> tuple[Quantity | None, Quantity | None, Quantity]:
+    """Return diameter (m), or None if only the area is given, that of the hole (m), if there is one, and area (m2)."""
+    size, hole = top.quantities(SIZE_KEYS), top.quantities(HOLE_KEYS).get("hole_diameter")
     if len(size) == 2:
         raise top.error("area_mm2", "is given beside diameter_mm; give one of the two")
     if "area" in size:
-        return None, size["area"]
+        if hole is not None:
+            raise top.error("hole_diameter_mm", "is given beside area_mm2; a ring needs diameter_mm")
+        return None, None, size["area"]
     if "diameter" not in size:
         raise top.missing("size", "write diameter_mm = ... or area_mm2 = ...")
     d = size["diameter"]
-    area, u = math.pi / 4 * d.re * d.re, math.pi / 2 * d.re * d.u
-    return d, Quantity(area, u=u, source=d.source)
+    if hole is None:
+        return d, None, Quantity(math.pi / 4 * d.re * d.re, u=math.pi / 2 * d.re * d.u, source=d.source)
+    area, u = math.pi / 4 * (d.re * d.re - hole.re * hole.re), math.pi / 2 * math.hypot(d.re * d.u, hole.re * hole.u)
+    return d, hole, Quantity(area, u=u, source=d.source)
 
 
 def _material(table: Table, key: str) -> tuple[str, Mapping[str, Quantity]]:

@@ -20,6 +20,7 @@ def check_parts(build: Build, source: str) -> None:
     for what, parts, most in (("layers", build.layers, MOST_LAYERS), ("steps", build.steps, MOST_STEPS)):
         if len(parts) > most:
             raise BuildError(f"{source}: {len(parts)} {what}; at most {most} are allowed")
+    _check_hole(build, source)
     _check_layers(build, source)
     check_limits(build, source)
     _check_unique((step.name for step in build.steps), source, "steps")
@@ -32,6 +33,19 @@ def check_parts(build: Build, source: str) -> None:
     for k, (before, step) in enumerate(pairwise((Step("", ()), *build.steps))):
         _check_order(before, step, f"{source}: steps[{k}]")
     _check_bolt(build, list(known), source)
+
+
+def _check_hole(build: Build, source: str) -> None:
+    hole, outer = build.hole_diameter, build.diameter
+    if hole is None:
+        return
+    if outer is None:
+        raise BuildError(f"{source}: hole_diameter is given and no diameter; a ring needs both")
+    if not 0 < hole.re < outer.re:
+        raise BuildError(
+            f"{source}: hole_diameter_mm is {1e3 * hole.re:.4g}; more than 0 and less than {1e3 * outer.re:.4g}, the "
+            "diameter, is needed"
+        )
 
 
 def _check_layers(build: Build, source: str) -> None:

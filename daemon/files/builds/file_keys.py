@@ -87,6 +87,8 @@ ELECTRODE_KEYS = {"electrode_diameter_mm": Key("electrode_diameter", 1e-3, "mm")
 """Diameter of both electrodes if they end before the rim; a property of the disk, not of a material."""
 LAYER_SIZE_KEYS = {"diameter_mm": Key("layer_diameter", 1e-3, "mm")}
 """Diameter of an elastic layer if it ends before the rim of the disk."""
+HOLE_KEYS = {"hole_diameter_mm": Key("hole_diameter", 1e-3, "mm")}
+"""Diameter of a hole, beside the diameter."""
 SIZE_KEYS = {"diameter_mm": Key("diameter", 1e-3, "mm"), "area_mm2": Key("area", 1e-6, "mm2")}
 MASS_KEYS = {"mass_g": Key("mass", 1e-3, "g")}
 BOLT_KEYS = {"stiffness_N_m": Key("stiffness", 1.0, "N/m"), "stiffness_kN_mm": Key("stiffness", 1e6, "kN/mm")}
@@ -127,6 +129,7 @@ MEANINGS = {
     "electrode_diameter": "diameter of both electrodes if they end before the rim",
     "layer_diameter": "diameter of the layer if it ends before the rim, for `stack2d`",
     "diameter": "diameter of the faces",
+    "hole_diameter": "diameter of a round hole through the middle of all layers, beside diameter_mm: a ring",
     "area": "area of the faces, for a transducer that is not round",
     "mass": "mass of all layers of the step as weighed: a datum of every fit; its u is required",
     "stiffness": "force per elongation of the bolt between its ends, E * area / length",
@@ -143,7 +146,7 @@ MEANINGS = {
 
 BELOW = {"poisson": 0.5}
 """Upper limits of constants, not included."""
-_SIZES = {"thickness", "diameter", "area", "electrode_diameter", "layer_diameter"}
+_SIZES = {"thickness", "diameter", "hole_diameter", "area", "electrode_diameter", "layer_diameter"}
 REAL = _SIZES | {"density", "z", "c", "q", "poisson", "mass", "stiffness"}
 TIED = {"thickness", "z", "c", "q"}
 """Constants that can be tied with `{ same_as = "LAYER" }`, as two layers of a transducer can share them."""

@@ -30,6 +30,8 @@ def _quantities(build: Build) -> Iterator[tuple[str, str, Quantity]]:
     yield "area", "area", build.area
     if build.diameter is not None:
         yield "diameter", "diameter", build.diameter
+    if build.hole_diameter is not None:
+        yield "hole_diameter", "hole_diameter", build.hole_diameter
     yield "back.z", "load", build.back.z
     yield "front.z", "load", build.front.z
     if build.bolt is not None:

@@ -1,12 +1,13 @@
 """What a fit of a stack in two dimensions starts from: recordings within reach, models of the steps, coordinates."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ....models.base.arrays import Reals
-from ....models.build import Build, LayerSpec
+from ....models.build import Build, LayerSpec, Quantity
 from ....models.constants.tensor import Tensor6mm
 from ....models.disk2d.matrices import CONSTANTS
 from ....models.disk2d.training import HIGHEST
@@ -106,6 +107,8 @@ def _refuse(build: Build) -> None:
     if build.diameter is None:
         raise TaskError(f"`{NAME}` covers round stacks; build {build.name!r} gives an area and no diameter")
     disk = build.piezos[0]
+    if build.hole_diameter is not None:
+        _refuse_uncertain("hole_diameter_mm", build.hole_diameter)
     for layer in build.layers:
         _refuse_diameter(build, layer)
     for name in PIEZO_CONSTANTS:
@@ -121,17 +124,36 @@ def _refuse_diameter(build: Build, layer: LayerSpec) -> None:
     given = layer.values.get(name)
     if given is None or build.diameter is None:
         return
-    whole = build.diameter.re
+    whole, hole = build.diameter.re, 2 * hole_of(build)
     if not least * whole <= given.re <= whole:
         raise TaskError(
             f"{key} of {layer.name!r} is {1e3 * given.re:.4g}; `{NAME}` covers {1e3 * least * whole:.4g} to "
             f"{1e3 * whole:.4g}, the disk's diameter"
         )
+    if given.re <= hole:
+        raise TaskError(
+            f"{key} of {layer.name!r} is {1e3 * given.re:.4g}; more than {1e3 * hole:.4g}, the hole's, is needed"
+        )
+    _refuse_uncertain(f"{key} of {layer.name!r}", given)
+
+
+def _refuse_uncertain(what: str, given: Quantity) -> None:
     if given.u > 0:
         raise TaskError(
-            f"{key} of {layer.name!r} has an uncertainty; `{NAME}` takes it as exact: fit once for each value that it "
-            "may have"
+            f"{what} has an uncertainty; `{NAME}` takes it as exact: fit once for each value that it may have"
         )
+
+
+def hole_of(build: Build) -> float:
+    """Return the radius of the hole through all layers, m; 0 if there is none."""
+    return 0.0 if build.hole_diameter is None else build.hole_diameter.re / 2
+
+
+def part_of_area(build: Build) -> float:
+    """Return the area of the electrodes over that of the faces."""
+    outer, hole = math.sqrt(build.area.re / math.pi + hole_of(build) ** 2), hole_of(build)
+    electrode = part_of_radius(build, build.piezos[0]) * outer
+    return (electrode**2 - hole**2) / (outer**2 - hole**2)
 
 
 def part_of_radius(build: Build, layer: LayerSpec) -> float:
@@ -180,7 +202,7 @@ def stack_of(problem: StackProblem, step: str, values: Mapping[str, float], law:
     highest = max(high for _, high in problem.bands(step))
     section = full_section(layers, highest)
     back, front = (values.get(f"{face}.z", 0.0) for face in ("back", "front"))
-    return Stack2D(tuple(layers), values["area"], section, back, front)
+    return Stack2D(tuple(layers), values["area"], section, back, front, hole=hole_of(build))
 
 
 def plate_of(problem: StackProblem, step: str) -> Stack:

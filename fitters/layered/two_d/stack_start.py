@@ -15,7 +15,7 @@ from ...engine.parameters.assembly import nominal_parameters
 from ...engine.parameters.coordinates import Coordinates
 from ...engine.recording import Prior, Recording
 from ...interface import FitError, FitTask, TaskError
-from .stack_problem import StackProblem, part_of_radius, tensor_values
+from .stack_problem import StackProblem, part_of_area, tensor_values
 
 _LEAST_LOSS, _MOST_LOSS = 1e-3, 0.1
 # Limits of the loss tangents of a start; the one-dimensional fit mistakes ripple for loss.
@@ -34,7 +34,7 @@ def one_dimensional(problem: StackProblem, progress: Callable[[str], None]) -> d
 
     Lateral modes can hide the pair of resonances that it looks for. The plate is as wide as the electrodes.
     """
-    build, part = problem.build, part_of_radius(problem.build, problem.disk) ** 2
+    build, part = problem.build, part_of_area(problem.build)
     area = replace(build.area, re=part * build.area.re, u=part * build.area.u)
     try:
         solution = solve(FitTask(replace(build, area=area), problem.sweeps), progress)

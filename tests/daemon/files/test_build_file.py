@@ -82,6 +82,15 @@ def test_every_value_arrives_in_si_with_its_uncertainty_and_source() -> None:
     assert (build.plan.bandwidth, build.plan.segments[1].points) == (3, 401)
 
 
+def test_a_ring_has_the_area_between_its_circles() -> None:
+    build = parse_build(S4.replace("[[layers]]", "hole_diameter_mm = { value = 6, u = 0.2 }\n[[layers]]", 1))
+    assert build.hole_diameter is not None
+    assert build.hole_diameter.re == pytest.approx(6e-3)
+    assert build.area.re == pytest.approx(math.pi * (0.008**2 - 0.003**2))
+    assert build.area.u == pytest.approx(math.pi / 2 * math.hypot(16e-3 * 1e-4, 6e-3 * 2e-4))
+    assert build_from_json(build_to_json(build)) == build
+
+
 def test_missing_values_come_from_the_library() -> None:
     disk = parse_build(S4).layer("disk")
     pz27 = find("Pz27").values
@@ -125,6 +134,16 @@ def test_all_open_cases_are_read(cases: Path) -> None:
         ("{ value = 16.0, u = 0.1 }", "{ value = 16,0, u = 0,1 }", "write numbers with a point, not as '16,0'"),
         ("diameter_mm = { value = 16.0, u = 0.1 }", "", "the file has no size; write diameter_mm = ... or area_mm2"),
         ("diameter_mm = {", "area_mm2 = 2\ndiameter_mm = {", "area_mm2 is given beside diameter_mm"),
+        (
+            "diameter_mm = { value = 16.0, u = 0.1 }",
+            "area_mm2 = 200\nhole_diameter_mm = 5",
+            "hole_diameter_mm is given beside area_mm2; a ring needs diameter_mm",
+        ),
+        (
+            "diameter_mm = {",
+            "hole_diameter_mm = 16\ndiameter_mm = {",
+            "hole_diameter_mm is 16; more than 0 and less than 16, the diameter, is needed",
+        ),
         (
             "thickness_mm = 0.139",
             "thickness_mm = -0.139",

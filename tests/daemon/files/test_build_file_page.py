@@ -37,6 +37,7 @@ def test_the_schemas_are_valid(file: str) -> None:
     [
         ('back = "air"', "back = { z_MRayl = { value = 3, u = 0.2 } }"),
         ("diameter_mm = 16.0", "area_mm2 = { value = 201, u = 1 }"),
+        ("diameter_mm = 16.0", "diameter_mm = 16.0\nhole_diameter_mm = 5"),
         ("q = 13", 'q = { same_as = "ml1" }'),
         ("bandwidth = 5", 'bandwidth = 1\ndirection = "down"\n[measurement]\nsupplier = "x"\ntemperature_C = 23'),
         ("bandwidth = 5", "bandwidth = 5\n[limits]\nconformance = 0.9\n[limits.disk]\nkt = { min = 0.45 }"),
@@ -60,6 +61,7 @@ def test_a_file_that_is_read_has_no_faults(here: str, instead: str) -> None:
         ("diameter_mm = 16.0", "diameter_mm = 0"),
         ("diameter_mm = 16.0", "diameter_mm = 16\narea_mm2 = 201"),
         ("diameter_mm = 16.0", "diameter_cm = 1.6"),
+        ("diameter_mm = 16.0", "area_mm2 = 201\nhole_diameter_mm = 5"),
         ('kind = "piezo"', 'kind = "ceramic"'),
         ("q = 13", "q = { same_as = 1 }"),
         ("q = 13", "kp = 0.5"),

@@ -51,6 +51,8 @@ NONSENSE: dict[str, Callable[[Build], Build]] = {
     "which is itself tied to disk.thickness": lambda b: with_value(b, "thickness", same_as="disk.thickness"),
     "thickness.same_as is 'ml1.z'; thickness of another": lambda b: with_value(b, "thickness", same_as="ml1.z"),
     "area.re is 0; a positive": lambda b: replace(b, area=Quantity(0.0)),
+    "hole_diameter is given and no diameter": lambda b: replace(b, diameter=None, hole_diameter=Quantity(1e-3)),
+    "hole_diameter_mm is -1; more than 0": lambda b: replace(b, diameter=Quantity(1e-2), hole_diameter=Quantity(-1e-3)),
     "back.z.re is -5; zero or a positive": lambda b: replace(b, back=LoadSpec("air", Quantity(-5.0))),
     "steps[0].mass.re is -1; a positive": lambda b: replace(b, steps=(replace(b.steps[0], mass=Quantity(-1.0)),)),
     "steps[0].reground names 'ml1'": lambda b: replace(

@@ -17,6 +17,7 @@ from pzctl.fitters.diagnosis.hypotheses.held_out import blocks
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.interface import FitError, FitTask
 from pzctl.models.base.arrays import Complexes, Reals
+from pzctl.models.build import Quantity
 from pzctl.models.effects import Device, find_effect
 from pzctl.models.sweep import Sweep
 
@@ -130,6 +131,15 @@ def with_a_lead(*, tapered: bool = False) -> FitTask:
         device = device.with_effect(find_effect("thickness-variation"), "layer:disk", {"variance": 3e-5})
     noise = np.random.default_rng(3).standard_normal((f.size, 2)) @ [1, 1j]
     return FitTask(build, {"disk": (Sweep(f, device.impedance(f) * np.exp(2e-4 * noise)),)})
+
+
+def test_a_plate_in_place_of_a_ring_is_told() -> None:
+    task = with_a_lead()
+    assert task.build is not None
+    ring = replace(task, build=replace(task.build, hole_diameter=Quantity(4e-3)))
+    plate, of_ring = (diagnose(one, ("lead-inductance",)).says for one in (task, ring))
+    assert not any("ring" in text.split() for text in plate)
+    assert "diagnose it with --fitter stack2d" in of_ring[-1]
 
 
 @pytest.mark.long

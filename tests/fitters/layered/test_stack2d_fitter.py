@@ -8,6 +8,7 @@ from budget_sums import assert_the_budget_adds_up
 from complex_ceramic import TENSOR
 
 from pzctl.daemon.files.builds.build_file import parse_build
+from pzctl.fitters.diagnosis.diagnose import diagnose
 from pzctl.fitters.disk.two_d.tensor_coordinates import COORDINATES
 from pzctl.fitters.engine.objective import Objective
 from pzctl.fitters.engine.recording import Posterior, Recording
@@ -17,6 +18,7 @@ from pzctl.fitters.layered.two_d.plate_block import plate_block
 from pzctl.fitters.layered.two_d.stack2d import Stack2DFitter
 from pzctl.fitters.layered.two_d.stack_problem import (
     nominal,
+    part_of_area,
     problem_of,
     stack_coordinates,
     stack_of,
@@ -69,9 +71,10 @@ MATCHING = Isotropic("ml1", 0.302e-3, 10.5e6, 2420.0, 50.0, 0.32)
 F = np.linspace(0.4e6, 2.2e6, 31)
 
 
-def recorded(*layers, seed=0):
+def recorded(*layers, seed=0, hole=0.0):
     """Return two sweeps of a stack, which tell its noise."""
-    stack = Stack2D(layers, np.pi * 3e-3**2, full_section(layers, F[-1], 2), 413.0, 413.0)
+    area = np.pi * (3e-3**2 - hole**2)
+    stack = Stack2D(layers, area, full_section(layers, F[-1], 2), 413.0, 413.0, hole=hole)
     Z, rng = stack.impedance(F), np.random.default_rng(seed)
     noise = 2e-4 * (rng.normal(size=(2, F.size)) + 1j * rng.normal(size=(2, F.size)))
     return tuple(Sweep(F, Z * np.exp(one)) for one in noise)
@@ -144,6 +147,43 @@ def test_glue_and_layer_that_end_before_the_rim_are_modelled(sweeps):
     assert [layer.reach for layer in glued.layers] == pytest.approx([1.0, 0.9, 0.85])
     assert glued.section.reaches == pytest.approx((0.85, 0.9, 1.0))
     assert bare.section.size < 50  # it ends nowhere
+
+
+def test_a_ring_is_recovered_and_diagnosed():
+    build = parse_build(BUILD.replace("diameter_mm = 6.0", "diameter_mm = 6.0\nhole_diameter_mm = 2.4"), "build.toml")
+    task = FitTask(build, {"disk": recorded(DISK, hole=1.2e-3)})
+    result = Stack2DFitter().fit(task)
+    assert result.converged
+    assert result.rms_log_error < 4e-4
+    for name in CONSTANTS:
+        true, found = complex(getattr(DISK.constants, name)), result.constants[f"disk.{name}"]
+        assert abs(found.re - true.real) < 4 * found.u_re, name
+        assert abs(found.im - true.imag) < 4 * found.u_im, name
+    assert diagnose(task, ("lead-inductance",), fitter=Stack2DFitter()).verdict == "no-mismatch"
+
+
+@pytest.mark.long
+def test_a_glued_ring_is_recovered():
+    build = parse_build(BUILD.replace("diameter_mm = 6.0", "diameter_mm = 6.0\nhole_diameter_mm = 2.4"), "build.toml")
+    sweeps = {"disk": recorded(DISK, hole=1.2e-3), "ml1": recorded(DISK, GLUE, MATCHING, seed=1, hole=1.2e-3)}
+    result = Stack2DFitter().fit(FitTask(build, sweeps))
+    assert result.rms_log_error < 5e-4
+    for layer in (GLUE, MATCHING):
+        for key, true in layer.parameters().items():
+            found = result.constants[f"{layer.name}.{key}"]
+            assert abs(found.re - true) < 4 * found.u_re, f"{layer.name}.{key}"
+    assert result.constants["ml1.c"].u_re < 0.001 * MATCHING.c  # the prior's is 0.06
+
+
+def test_electrodes_and_layers_of_a_ring_end_outside_its_hole(sweeps):
+    def problem(electrode):
+        text = BUILD.replace("diameter_mm = 6.0", "diameter_mm = 6.0\nhole_diameter_mm = 4.0")
+        text = text.replace("density", f"electrode_diameter_mm = {electrode}\ndensity", 1)
+        return problem_of(FitTask(parse_build(text, "build.toml"), sweeps))
+
+    assert part_of_area(problem(5).build) == pytest.approx((25 - 16) / (36 - 16))
+    with pytest.raises(TaskError, match=r"electrode_diameter_mm of 'disk' is 4; more than 4, the hole's, is needed"):
+        problem(4)
 
 
 LEAD = """
@@ -232,6 +272,11 @@ thickness_mm = 1
             r"electrode_diameter_mm of 'disk' is 2.5; `stack2d` covers 3 to 6, the disk's diameter",
         ),
         ("z_MRayl", "diameter_mm = 7\nz_MRayl", r"diameter_mm of 'ml1' is 7; `stack2d` covers 0 to 6, the disk's"),
+        (
+            "diameter_mm = 6.0",
+            "diameter_mm = 6.0\nhole_diameter_mm = { value = 2, u = 0.1 }",
+            "hole_diameter_mm has an uncertainty; `stack2d` takes it as exact",
+        ),
         (
             "z_MRayl",
             "diameter_mm = { value = 5.5, u = 0.1 }\nz_MRayl",

@@ -84,18 +84,18 @@ def test_derivatives_are_exact(layers, names):
         np.testing.assert_allclose(row * value, numeric, atol=1e-4 * max(1.0, np.abs(numeric).max()), err_msg=name)
 
 
-@pytest.mark.parametrize(("layers", "part"), [((DISK,), 0.5), ((DISK, GLUE, MATCHING), 1.0)])
-def test_a_reduced_section_serves_and_says_how_well(layers, part):
+@pytest.mark.parametrize(("layers", "part", "most"), [((DISK,), 0.5, 5e-5), ((DISK, GLUE, MATCHING), 1.0, 2e-3)])
+def test_a_reduced_section_serves_and_says_how_well(layers, part, most):
     built = ring(*layers)
     fewer, error = with_reduced_section(built, [(0.2e6, 1.4e6)])
     assert fewer.section.size < part * built.section.size
-    assert error < 1e-3
+    assert error < most
     assert difference(fewer.impedance(F), ring(*layers, finer=4).impedance(F)) < 10 * error
 
 
 def test_holes_that_cannot_be_are_refused():
     with pytest.raises(StackError, match=r"hole has a radius of 0\.0043 m; 0 to below 0\.0042 m is allowed"):
         ring(*SHORT, hole=4.3e-3)
-    with pytest.raises(StackError, match="hole has a radius of -0.001 m"):
+    with pytest.raises(StackError, match=r"hole has a radius of -0\.001 m"):
         ring(DISK, hole=-1e-3)
     assert ring(DISK, GLUE, MATCHING).faces_for(OpenBond) == ()
