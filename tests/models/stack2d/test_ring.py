@@ -31,7 +31,11 @@ def difference(one, other):
 
 @pytest.mark.parametrize(
     ("layers", "ends", "tolerance"),
-    [((DISK,), {}, 5e-4), ((DISK, GLUE, MATCHING), {}, 4e-3), (SHORT, {"electrode": 0.9 * RADIUS}, 2e-3)],
+    [
+        ((DISK,), {}, 5e-4),
+        ((DISK, GLUE, MATCHING), {}, 4e-3),
+        pytest.param(SHORT, {"electrode": 0.9 * RADIUS}, 2e-3, marks=pytest.mark.long),
+    ],
 )
 def test_a_ring_equals_general_finite_elements(layers, ends, tolerance):
     at = F[1::2]
