@@ -15,7 +15,8 @@ from ..diagnosis.decision_rules import NAMED
 from ..diagnosis.findings import Diagnosis, Finding
 from ..diagnosis.hypotheses.bench_effects import BenchEffect
 from .sample_equations import Knobs
-from .shared_effects import COMMON, SCATTERS, SharedBench, SharedEffect, SharedParameter
+from .shared_bench import SharedBench, SharedEffect, SharedParameter
+from .shared_effects import COMMON, SCATTERS
 
 _LEAST = 1e-9
 """Probability of a name that a sample does not even mention."""

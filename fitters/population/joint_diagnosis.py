@@ -22,7 +22,8 @@ from .exact_bench import exact_bench
 from .population_statistics import Population, spreads
 from .process_pool import process_pool
 from .sample_equations import Knobs, SampleEquations, bench_effects, ends_of, sample_equations
-from .shared_effects import SharedBench, shared_bench
+from .shared_bench import SharedBench
+from .shared_effects import shared_bench
 
 _FEWEST = 2
 """Fewest samples that can share an effect."""

@@ -13,9 +13,7 @@ from itertools import product
 import numpy as np
 
 from ...models.base.arrays import Reals
-from ...models.build import EffectSpec, Quantity
 from ...models.effects import EffectParameter
-from ...models.effects.base.effect import TERMINALS
 from ...models.effects.fixture_residual import EFFECT as FIXTURE_RESIDUAL
 from ...models.effects.fixture_residual import UNITS
 from ..diagnosis.decision_rules import NAMED, ODDS, TOLERATED, WORTH
@@ -25,8 +23,9 @@ from ..error_model import prior_scales as scales
 from ..error_model.error_sizes import GRIDS, ErrorSizes
 from ..error_model.smooth_basis import smooth
 from .sample_equations import FIXTURE, MODEL_ERRORS, Knobs, SampleEquations, unit_of
+from .shared_bench import FixturePart, SharedBench, SharedEffect, SharedParameter
+from .summed_equations import Quadratic, SummedEquations, quadratic_in, residue_at, scales_of, without_others
 
-_HALF = float(np.sqrt(0.5))
 SCATTERS = {0.0: 0.5, 0.1: 0.125, 0.3: 0.125, 1.0: 0.125, 3.0: 0.125}
 """Relative scatter of a shared effect's size from sample to sample, with prior: one jig is as likely as any scatter."""
 COMMON = 0.3
@@ -49,170 +48,6 @@ Survey = Callable[[tuple[BenchEffect, ...]], Sequence[SampleEquations]]
 """Returns the equations of all samples, given the effects of their bench."""
 
 
-@dataclass(frozen=True)
-class SharedParameter:
-    """A parameter of a shared effect."""
-
-    value: float
-    u: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class FixturePart(SharedParameter):
-    """A part of the residual of open and short compensation."""
-
-    probability: float
-    """Probability that it is present."""
-
-
-@dataclass(frozen=True)
-class SharedEffect:
-    """An effect that all samples share."""
-
-    effect: str
-    probability: float
-    parameters: Mapping[str, SharedParameter]
-    scatter: Mapping[str, float]
-    """Posterior probability of each relative scatter of its size from sample to sample."""
-    gain: float
-    """ln evidence over all samples relative to the best explanation without it."""
-    alone: Mapping[str, float]
-    """ln evidence of it in each sample alone, by sample, as in a single diagnosis."""
-    sizes: Mapping[str, tuple[float, float]]
-    """Estimate of its size from each sample alone, with standard uncertainty."""
-    alternatives: Mapping[str, float]
-    """Probability of other effects in its place."""
-    within_fixture: bool
-    """Whether it is no larger than the usual residual of a compensation."""
-
-
-@dataclass(frozen=True)
-class SharedBench:
-    """Everything that all samples share."""
-
-    effects: tuple[SharedEffect, ...]
-    known: tuple[BenchEffect, ...]
-    """The same with the values of all parameters, and the fixture's residual, as prior knowledge for every sample."""
-    fixture: Mapping[str, FixturePart]
-    """Residual of open and short compensation, common to all samples; empty if there is no sign of one."""
-    gain: float
-    """Largest common gain error |d ln Z| beyond what constants could do, within the specification."""
-    phase: float
-    """The same of the phase, rad."""
-    model_error: Mapping[str, float]
-    """Sizes of the model's own error, common to all samples."""
-    not_shared: tuple[str, ...]
-    """Effects that would explain much, but with a different size in each sample."""
-
-    @property
-    def stated(self) -> tuple[EffectSpec, ...]:
-        """Everything that all samples share as a build states it."""
-        sizes: dict[str, Mapping[str, SharedParameter]] = {one.effect: one.parameters for one in self.effects}
-        if self.fixture:
-            sizes[FIXTURE_RESIDUAL.name] = self.fixture
-        return tuple(
-            EffectSpec(
-                name, TERMINALS, {key: Quantity(one.value, u=one.u, source="diagnosis") for key, one in of.items()}
-            )
-            for name, of in sizes.items()
-        )
-
-
-_Part = tuple[SampleEquations, Reals, float]
-"""A sample, its Gram matrix on the keys of all, and ln det of what was integrated out."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Sum:
-    """Normal equations of all samples."""
-
-    keys: tuple[str, ...]
-    G: Reals
-    log_det: float
-    parts: "tuple[_Part, ...]"
-    """Each sample's, on the keys of all."""
-
-    @classmethod
-    def of(cls, equations: Sequence[SampleEquations], model_error: tuple[float, float]) -> "_Sum":
-        keys = tuple(dict.fromkeys(key for one in equations for key in one.keys))
-        at = {key: k for k, key in enumerate(keys)}
-        parts: list[_Part] = []
-        for one in equations:
-            gram, log_det = one.grams[model_error]
-            index = np.array([*(at[key] for key in one.keys), len(keys)])
-            G = np.zeros((len(keys) + 1, len(keys) + 1))
-            G[np.ix_(index, index)] = gram
-            parts.append((one, G, log_det))
-        return cls.summed(keys, parts)
-
-    @classmethod
-    def summed(cls, keys: tuple[str, ...], parts: "Sequence[_Part]") -> "_Sum":
-        return cls(keys, np.sum([G for _, G, _ in parts], axis=0), sum(own for _, _, own in parts), tuple(parts))
-
-    def only(self, number: int) -> "_Sum":
-        """Return the equations of one sample alone."""
-        return _Sum.summed(self.keys, self.parts[number : number + 1])
-
-    def scattered(self, key: str, spread: float) -> "_Sum":
-        """Return the equations with a size that scatters between samples with this standard deviation."""
-        if spread == 0:
-            return self
-        k = self.keys.index(key)
-        parts = [
-            (
-                one,
-                G - np.outer(G[:, k], G[k]) / (1 / spread**2 + G[k, k]),
-                own + float(np.log(1 + spread**2 * G[k, k])),
-            )
-            for one, G, own in self.parts
-        ]
-        return _Sum.summed(self.keys, parts)
-
-
-@dataclass(frozen=True, eq=False)
-class _Quadratic:
-    """ln evidence as a quadratic in the sizes of some effects: top - b.d - d.A.d/2."""
-
-    top: float
-    b: Reals
-    A: Reals
-
-
-def _scales(total: _Sum, sizes: ErrorSizes, names: Sequence[str], knobs: Knobs) -> Reals:
-    """Return the prior standard deviation of every shared column's coefficient; 0 for an absent one."""
-    scale = {"slow": sizes.slow, "fast": sizes.fast, "fixture": sizes.fixture}
-    scale |= {"tau": _HALF * sizes.tau, "imaginary": _HALF * scales.IMAGINARY * sizes.tau}
-    beside = {f"{name} {knob.name}" for name in names for knob in knobs[name][1:]}
-    return np.array([1.0 if key in beside else scale.get(key.partition(" ")[0], 0.0) for key in total.keys])
-
-
-def _quadratic(
-    total: _Sum, sizes: ErrorSizes, names: Sequence[str], knobs: Knobs, fixture: Mapping[str, float]
-) -> _Quadratic:
-    """Return ln evidence in the deviations of the sizes of these effects from where they were linearised.
-
-    `fixture`: its residue where it was linearised, SI.
-    """
-    d = _scales(total, sizes, names, knobs)
-    on = np.flatnonzero(d > 0)
-    rest = np.array([*(total.keys.index(f"{name} {knobs[name][0].name}") for name in names), len(total.keys)])
-    inner = np.eye(on.size) + d[on][:, None] * total.G[np.ix_(on, on)] * d[on]
-    outer = d[on][:, None] * total.G[np.ix_(on, rest)]
-    there = _there(total, fixture)
-    outer[:, -1] += there[on]
-    left = total.G[np.ix_(rest, rest)] - outer.T @ np.linalg.solve(inner, outer)
-    _, log_det = np.linalg.slogdet(inner)
-    top = -0.5 * (left[-1, -1] + float(there @ there) + log_det + total.log_det) + sizes.log_prior
-    return _Quadratic(float(top), left[:-1, -1], left[:-1, :-1])
-
-
-def _there(total: _Sum, fixture: Mapping[str, float]) -> Reals:
-    """Return the fixture's residue where it was linearised, in units of its prior, at its columns."""
-    of = {f"fixture {name}": value / scales.FIXTURE[name] for name, value in fixture.items()}
-    return np.array([of.get(key, 0.0) for key in total.keys])
-
-
 def _log_density(values: Reals, knob: EffectParameter) -> Reals:
     """Return ln prior density of a size, per unit of it."""
     median, spread = knob.expected
@@ -223,7 +58,7 @@ def _log_density(values: Reals, knob: EffectParameter) -> Reals:
 
 def _best(
     equations: Sequence[SampleEquations], names: Sequence[str], knobs: Knobs, fixture: Mapping[str, float]
-) -> tuple[_Sum, ErrorSizes]:
+) -> tuple[SummedEquations, ErrorSizes]:
     """Return the equations and the likeliest error sizes for all samples together.
 
     The model's own error, that of the analyzer and that of the fixture are common to all samples.
@@ -231,12 +66,12 @@ def _best(
     own = _typical(equations)
     has_fixture = (1.0,) if any(fixture.values()) else GRIDS["fixture"]
     grids = tuple(product(GRIDS["slow"], GRIDS["fast"], has_fixture))
-    best: tuple[float, _Sum, ErrorSizes] | None = None
+    best: tuple[float, SummedEquations, ErrorSizes] | None = None
     for tau, rho in MODEL_ERRORS:
-        total = _Sum.of(equations, (tau, rho))
+        total = SummedEquations.of(equations, (tau, rho))
         for slow, fast, there in grids:
             sizes = replace(own, tau=tau, rho=rho, slow=slow, fast=fast, fixture=there)
-            found = _quadratic(total, sizes, names, knobs, fixture)
+            found = quadratic_in(total, sizes, names, knobs, fixture)
             value = found.top + (0.5 * float(found.b @ np.linalg.solve(found.A, found.b)) if names else 0.0)
             if best is None or value > best[0]:
                 best = value, total, sizes
@@ -245,7 +80,7 @@ def _best(
     return best[1:]
 
 
-def _weigh(found: _Quadratic, at: Sequence[float], knobs: Sequence[EffectParameter]) -> tuple[float, Reals, Reals]:
+def _weigh(found: Quadratic, at: Sequence[float], knobs: Sequence[EffectParameter]) -> tuple[float, Reals, Reals]:
     """Return ln evidence with the sizes integrated out (Laplace), their likeliest values, and covariance."""
     if not at:
         return found.top, np.zeros(0), np.zeros((0, 0))
@@ -259,7 +94,7 @@ def _weigh(found: _Quadratic, at: Sequence[float], knobs: Sequence[EffectParamet
     return here + prior - 0.5 * float(log_det), values, np.asarray(np.linalg.inv(found.A), np.float64)
 
 
-def _gain(found: _Quadratic, median: float, knob: EffectParameter) -> tuple[float, float]:
+def _gain(found: Quadratic, median: float, knob: EffectParameter) -> tuple[float, float]:
     """Return ln evidence of an absent effect, relative to that without it, and its likeliest size.
 
     `found` is linearised at zero size; the size is integrated over its prior.
@@ -280,7 +115,7 @@ class _Explanation:
     known: tuple[BenchEffect, ...]
     fixture: Mapping[str, float]
     """Its residue where the equations were linearised, SI."""
-    total: _Sum
+    total: SummedEquations
     sizes: ErrorSizes
     log_evidence: float
     values: Reals
@@ -357,9 +192,13 @@ def _surveyed(
 
 
 def _finished(
-    total: _Sum, known: tuple[BenchEffect, ...], fixture: Mapping[str, float], sizes: ErrorSizes, knobs: Knobs
+    total: SummedEquations,
+    known: tuple[BenchEffect, ...],
+    fixture: Mapping[str, float],
+    sizes: ErrorSizes,
+    knobs: Knobs,
 ) -> _Explanation:
-    found = _quadratic(total, sizes, [one.name for one in known], knobs, fixture)
+    found = quadratic_in(total, sizes, [one.name for one in known], knobs, fixture)
     firsts = [knobs[one.name][0] for one in known]
     at = [one.values[knob.name] for one, knob in zip(known, firsts, strict=True)]
     return _Explanation(known, fixture, total, sizes, *_weigh(found, at, firsts))
@@ -383,7 +222,7 @@ def _averaged(one: _Explanation, knobs: Knobs) -> dict[str, tuple[float, float]]
     grids = tuple(product(GRIDS["slow"], GRIDS["fast"], has_fixture))
     found: list[tuple[float, dict[str, tuple[float, float]]]] = []
     for error in MODEL_ERRORS:
-        total = _Sum.of(equations, error)
+        total = SummedEquations.of(equations, error)
         for slow, fast, fixture in grids:
             sizes = replace(one.sizes, tau=error[0], rho=error[1], slow=slow, fast=fast, fixture=fixture)
             other = _finished(total, one.known, one.fixture, sizes, knobs)
@@ -412,20 +251,11 @@ def _promising(now: _Explanation, knobs: Knobs, rejected: Sequence[str]) -> list
     for name, own in knobs.items():
         if name in now.names or name in rejected:
             continue
-        found = _quadratic(now.total, now.sizes, [name, *now.names], knobs, now.fixture)
-        gain, size = _gain(_without_others(found), own[0].expected[0], own[0])
+        found = quadratic_in(now.total, now.sizes, [name, *now.names], knobs, now.fixture)
+        gain, size = _gain(without_others(found), own[0].expected[0], own[0])
         if gain > WORTH:
             gains.append((gain, BenchEffect(name, {**at[name], own[0].name: size})))
     return [one for _, one in sorted(gains, key=lambda pair: -pair[0])]
-
-
-def _without_others(found: _Quadratic) -> _Quadratic:
-    """Return the quadratic in the first size, the others at their likeliest."""
-    if found.b.size == 1:
-        return found
-    part = np.linalg.solve(found.A[1:, 1:], np.column_stack([found.A[1:, :1], found.b[1:]]))
-    A = found.A[:1, :1] - found.A[:1, 1:] @ part[:, :1]
-    return _Quadratic(found.top, found.b[:1] - found.A[:1, 1:] @ part[:, 1], A)
 
 
 def _moved(
@@ -457,8 +287,8 @@ def _coefficients(one: _Explanation, knobs: Knobs) -> dict[str, tuple[float, flo
     """Return mean and standard deviation of the coefficient of every shared column, in its own units."""
     total = one.total
     firsts = {f"{name} {knobs[name][0].name}" for name in one.names}
-    there = _there(total, one.fixture)
-    d = _scales(total, one.sizes, one.names, knobs)
+    there = residue_at(total, one.fixture)
+    d = scales_of(total, one.sizes, one.names, knobs)
     d = np.array([1.0 if key in firsts else size for key, size in zip(total.keys, d, strict=True)])
     on = np.flatnonzero(d > 0)
     known = np.array([0.0 if total.keys[int(k)] in firsts else 1.0 for k in on])
@@ -578,10 +408,10 @@ def _alone(
     sizes: dict[str, tuple[float, float]] = {}
     knob = knobs[name][0]
     for k, (one, _, _) in enumerate(before.total.parts):
-        found = _quadratic(before.total.only(k), before.sizes, [name, *before.names], knobs, before.fixture)
-        alone[one.sample], _ = _gain(_without_others(found), knob.expected[0], knob)
+        found = quadratic_in(before.total.only(k), before.sizes, [name, *before.names], knobs, before.fixture)
+        alone[one.sample], _ = _gain(without_others(found), knob.expected[0], knob)
     for k, (one, _, _) in enumerate(final.total.parts):
-        found = _without_others(_quadratic(final.total.only(k), final.sizes, [name], knobs, final.fixture))
+        found = without_others(quadratic_in(final.total.only(k), final.sizes, [name], knobs, final.fixture))
         there = final.known[number].values[knob.name]
         sizes[one.sample] = (float(there - found.b[0] / found.A[0, 0]), float(found.A[0, 0] ** -0.5))
     return alone, sizes

@@ -10,7 +10,8 @@ from pzctl.fitters.diagnosis.hypotheses.bench_effects import BenchEffect
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.population.batch import BatchJob
 from pzctl.fitters.population.sample_equations import SampleEquations, bench_effects, ends_of, sample_equations
-from pzctl.fitters.population.shared_effects import SharedBench, shared_bench
+from pzctl.fitters.population.shared_bench import SharedBench
+from pzctl.fitters.population.shared_effects import shared_bench
 from pzctl.models.effects import catalogue
 
 COUNT = 12

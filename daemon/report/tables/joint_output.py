@@ -9,7 +9,8 @@ from rich.console import Console
 
 from ....fitters.diagnosis.decision_rules import NAMED
 from ....fitters.population.joint_diagnosis import JointDiagnosis, Recurring
-from ....fitters.population.shared_effects import COMMON, SharedBench, SharedEffect
+from ....fitters.population.shared_bench import SharedBench, SharedEffect
+from ....fitters.population.shared_effects import COMMON
 from ....models.base.uncertain_numbers import with_uncertainty
 from ....models.effects import find_effect
 from ....models.effects.base.effect import TERMINALS

@@ -26,7 +26,7 @@ from pzctl.daemon.wire.events import FitEvent, InstrumentInfo, SampleStep, State
 from pzctl.drivers.recordings import write_csv
 from pzctl.fitters.interface import Constant, FitResult, Noise
 from pzctl.fitters.population.population_statistics import DataSheet, population
-from pzctl.fitters.population.shared_effects import SharedBench
+from pzctl.fitters.population.shared_bench import SharedBench
 from pzctl.models.build import Build
 from pzctl.models.stack import Elastic, HalfSpace, Piezo, Stack
 from pzctl.models.sweep import Sweep

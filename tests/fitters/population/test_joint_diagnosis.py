@@ -21,7 +21,8 @@ from pzctl.fitters.population.exact_bench import exact_bench
 from pzctl.fitters.population.joint_diagnosis import HowToDiagnose, TooFewSamplesError, diagnose_together
 from pzctl.fitters.population.process_pool import process_pool
 from pzctl.fitters.population.sample_equations import SampleEquations, bench_effects, ends_of, sample_equations
-from pzctl.fitters.population.shared_effects import SharedBench, shared_bench
+from pzctl.fitters.population.shared_bench import SharedBench
+from pzctl.fitters.population.shared_effects import shared_bench
 from pzctl.models.sweep import Sweep
 
 BUILD = read_build(THESIS_BUILD)
