@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from ...models.base.arrays import Complexes, Frequencies, Impedances, Reals, j_omega
 from ...models.base.model import Approximate, Model
 from ...models.effects import Device
-from ...models.effects.base.branch import branch
 from ...models.effects.base.corrected_path import SERIES, SHUNT
 from ...models.effects.base.scale import active, capacitance, reactance, resonance
 from ...models.stack import Elastic, Piezo, Stack
@@ -19,6 +18,7 @@ from ..engine.noise import common_settings
 from ..engine.recording import Recording
 from . import prior_scales as scales
 from .instrument_share import accuracy_of
+from .local_error_kinds import LocalError, RangeSwitch, WeakLine
 from .point_covariance import PointErrors
 from .smooth_basis import ends_of, smooth
 
@@ -28,33 +28,6 @@ Part = str
 `slow`, `fast`, `switch`, `fixture`, `held`, `tau`, `imaginary`, `losses`, `uneven`, `shape`, `line`, or `formula`: the
 known error of an approximate model.
 """
-
-
-@dataclass(frozen=True)
-class WeakLine:
-    """A further resonance in the recordings of one step, too small to be named."""
-
-    step: str
-    frequency: float
-    """Hz."""
-    q: float
-
-    def admittance(self, frequency: Frequencies, capacitance: float) -> Complexes:
-        """Return the admittance of its branch in parallel with the device per unit of its prior, in phase, shape (N,).
-
-        `capacitance` is the clamped one, F.
-        """
-        residue = scales.LINE / self.q * capacitance
-        return np.asarray(residue * branch(j_omega(frequency), 2 * np.pi * self.frequency, self.q), np.complex128)
-
-    def shifted(self, frequency: Frequencies, capacitance: float) -> Complexes:
-        """Return by how much the admittance is changed by the usual error of the line's frequency, shape (N,).
-
-        In quadrature it is the change by an error of Q.
-        """
-        off = scales.LINE_OFF / self.q
-        above, below = (replace(self, frequency=self.frequency * (1 + way * off)) for way in (1, -1))
-        return (above.admittance(frequency, capacitance) - below.admittance(frequency, capacitance)) / 2
 
 
 _SHOWS = 1.0
@@ -131,23 +104,6 @@ class ErrorColumns:
         blocks = tuple(b[:, on] for b in self.blocks)
         own = tuple(self.corrections[int(k)] for k in on) if self.corrections else ()
         return replace(self, parts=parts, losses=self.losses[on], blocks=blocks, corrections=own)
-
-
-@dataclass(frozen=True)
-class RangeSwitch:
-    """A level of |Z| at which the analyzer changes its range: its gain and phase differ on either side of it."""
-
-    level: float
-    """Ohm."""
-
-    def step_of(self, recording: Recording) -> Reals:
-        """Return the usual step of ln |Z| above the level at each point, shape (N,)."""
-        above = np.abs(recording.sweep.impedance) > self.level
-        return np.asarray(scales.SWITCH * accuracy_of(recording.sweep) * above, np.float64)
-
-
-LocalError = WeakLine | RangeSwitch
-"""An error at a place of its own, which a recording shows."""
 
 
 @dataclass(frozen=True, eq=False)

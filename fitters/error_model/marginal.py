@@ -18,8 +18,9 @@ from ..engine.objective import LOADS, Objective
 from ..engine.parameters.coordinates import Coordinates
 from ..engine.recording import Recording
 from .contained_errors import altered, layers_corrected
-from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, LocalError, columns_of, place_of
+from .error_columns import HELD, ErrorColumns, HeldValue, LinearisedRecording, columns_of, place_of
 from .error_sizes import Beforehand, Gram
+from .local_error_kinds import LocalError
 
 _UNINFORMED = 1 / 9
 """Prior precision of a coordinate about which nothing is known: a logarithm is known within a factor of twenty.

@@ -11,9 +11,10 @@ from ...models.base.arrays import Complexes, Reals
 from ...models.base.model import Model
 from ...models.effects.base.corrected_constants import Corrections
 from ..engine.objective import LOADS
-from .error_columns import ErrorColumns, Part, WeakLine
+from .error_columns import ErrorColumns, Part
 from .error_sizes import USUAL, ErrorSizes, Gram, Held, Value, chosen, exchanged, of_the_instrument, rough_guess
 from .joint_descent import CLOSE, NEAR, STEPS, JointPoint, descend
+from .local_error_kinds import WeakLine
 from .marginal import Marginal
 from .point_covariance import PointErrors, spread_of_variance
 from .prior_scales import FEW_SHAPE, RARE, SHAPE

@@ -13,7 +13,7 @@ from ...engine.objective import Objective
 from ...engine.parameters.assembly import library_losses, priors_of
 from ...engine.parameters.coordinates import Block, Coordinates, between, hardly_negative, linear
 from ...engine.recording import Posterior, Prior, Recording
-from ...error_model.error_columns import LocalError
+from ...error_model.local_error_kinds import LocalError
 from ...interface import FitTask
 from ..data_quality.colour_limit import colour_limit
 from ..data_quality.pole_fit import Frame, PoleFit, fit_poles

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from ...error_model.error_columns import WeakLine
+from ...error_model.local_error_kinds import WeakLine
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Problem
 from .range_switches import range_switches

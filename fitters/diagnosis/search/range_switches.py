@@ -12,7 +12,8 @@ import numpy as np
 
 from ....models.base.arrays import Complexes, Impedances, Reals
 from ...engine.recording import Recording
-from ...error_model.error_columns import RangeSwitch, switch_columns
+from ...error_model.error_columns import switch_columns
+from ...error_model.local_error_kinds import RangeSwitch
 from ..decision_rules import SWITCHES
 from ..hypotheses.hypothesis import Hypothesis
 from .residual_scan import Absorbed, Beside, Residual

@@ -9,7 +9,7 @@ from ....models.base.arrays import Complexes, Reals
 from ....models.base.model import Model
 from ....models.effects import Device, EffectParameter
 from ...engine.recording import recorded_band
-from ...error_model.error_columns import WeakLine
+from ...error_model.local_error_kinds import WeakLine
 from ..hypotheses.hypothesis import Hypothesis
 from ..hypotheses.problem import Candidate, Problem
 from .echo_delays import likely_delays, longest_delay

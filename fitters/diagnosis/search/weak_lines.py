@@ -13,8 +13,9 @@ import numpy as np
 
 from ....models.base.arrays import Complexes, Impedances, Reals
 from ...engine.recording import Recording
-from ...error_model.error_columns import RangeSwitch, WeakLine, line_columns
+from ...error_model.error_columns import line_columns
 from ...error_model.error_sizes import ErrorSizes
+from ...error_model.local_error_kinds import RangeSwitch, WeakLine
 from ..decision_rules import LINES, SHARP
 from ..hypotheses.hypothesis import Hypothesis
 from .range_switches import columns_of_switches

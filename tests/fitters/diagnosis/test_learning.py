@@ -28,7 +28,7 @@ from pzctl.fitters.diagnosis.search.echo_delays import likely_delays, longest_de
 from pzctl.fitters.diagnosis.search.local_errors import without_strong_lines
 from pzctl.fitters.diagnosis.search.weak_lines import weak_lines
 from pzctl.fitters.engine.multi_step_fit import solve
-from pzctl.fitters.error_model.error_columns import WeakLine
+from pzctl.fitters.error_model.local_error_kinds import WeakLine
 from pzctl.fitters.error_model.prior_scales import LINE
 from pzctl.fitters.plugins import load_fitter, run
 from pzctl.models.effects import Device, Effect, find_effect

@@ -10,7 +10,7 @@ from pzctl.fitters.diagnosis.hypotheses.problem import Problem
 from pzctl.fitters.diagnosis.search.local_errors import with_local_errors
 from pzctl.fitters.diagnosis.search.range_switches import range_switches
 from pzctl.fitters.engine.multi_step_fit import solve
-from pzctl.fitters.error_model.error_columns import RangeSwitch
+from pzctl.fitters.error_model.local_error_kinds import RangeSwitch
 from pzctl.fitters.interface import FitTask
 from pzctl.models.effects import Device
 from pzctl.models.sweep import Sweep

@@ -14,8 +14,9 @@ from pzctl.drivers.recordings import read_recording
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.engine.recording import Recording
-from pzctl.fitters.error_model.error_columns import WeakLine, columns_of, place_of
+from pzctl.fitters.error_model.error_columns import columns_of, place_of
 from pzctl.fitters.error_model.error_sizes import ErrorSizes, factored
+from pzctl.fitters.error_model.local_error_kinds import WeakLine
 from pzctl.fitters.error_model.marginal import Marginal
 from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
 from pzctl.fitters.error_model.point_covariance import Kernel, PointErrors, under_colour
