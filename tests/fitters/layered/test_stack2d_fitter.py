@@ -149,6 +149,7 @@ def test_glue_and_layer_that_end_before_the_rim_are_modelled(sweeps):
     assert bare.section.size < 50  # it ends nowhere
 
 
+@pytest.mark.long
 def test_a_ring_is_recovered_and_diagnosed():
     build = parse_build(BUILD.replace("diameter_mm = 6.0", "diameter_mm = 6.0\nhole_diameter_mm = 2.4"), "build.toml")
     task = FitTask(build, {"disk": recorded(DISK, hole=1.2e-3)})

@@ -29,6 +29,7 @@ def difference(one, other):
     return np.abs(np.log(one / other)).max()
 
 
+@pytest.mark.long
 def test_layers_and_electrodes_that_end_one_by_one_equal_general_finite_elements():
     at = F[1::4]
     layers = [FeLayer(T, DENSITY, tuple(complex(getattr(TENSOR, name)) for name in CONSTANTS), 4)]
