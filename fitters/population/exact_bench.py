@@ -12,10 +12,10 @@ from ...models.base.arrays import Reals
 from ...models.effects import EffectParameter
 from ...models.effects.base.effect import TERMINALS
 from ..diagnosis.decision_rules import NAMED
-from ..diagnosis.findings import Diagnosis, Finding
+from ..diagnosis.findings import Diagnosis, Finding, Size
 from ..diagnosis.hypotheses.bench_effects import BenchEffect
 from .sample_equations import Knobs
-from .shared_bench import SharedBench, SharedEffect, SharedParameter
+from .shared_bench import SharedBench, SharedEffect
 from .shared_effects import COMMON, SCATTERS
 
 _LEAST = 1e-9
@@ -94,13 +94,11 @@ def _shared(
     values, u = np.array(list(sizes.values())).T
     weight = u**-2.0
     unit = {knob.name: knob.unit for knob in knobs}
-    parameters = {
-        first: SharedParameter(float(weight @ values / np.sum(weight)), float(np.sum(weight) ** -0.5), unit[first])
-    }
+    parameters = {first: Size(float(weight @ values / np.sum(weight)), float(np.sum(weight) ** -0.5), unit[first])}
     for other in others:
         middle = sorted((one.parameters[other] for one in found.values()), key=lambda size: size.value)
         at = middle[(len(middle) - 1) // 2]
-        parameters[other] = SharedParameter(at.value, at.u, unit[other])
+        parameters[other] = Size(at.value, at.u, unit[other])
     takes = {sample: _takes(one, alone[sample]) for sample, one in found.items()}
     return SharedEffect(
         effect=name,

@@ -34,7 +34,7 @@ FIXTURE = tuple(scales.FIXTURE)
 MODEL_ERRORS = tuple(product((0.0, 1e-4, 1e-3), scales.RHOS))
 """Relative smooth and rough error of the model: common to all samples and estimated from all together."""
 _MODEL = ("tau", "imaginary")
-_HALF = float(np.sqrt(0.5))
+HALF = float(np.sqrt(0.5))
 """Half of the variance of the model's own error is common to samples of one kind, half is each sample's own."""
 _FAINT = -1.0
 """Trial size of an effect, in prior standard deviations of its logarithm."""
@@ -181,7 +181,7 @@ def _slopes(
 def _reduced(one: Hypothesis, sizes: ErrorSizes, shared: Sequence[Complexes]) -> tuple[Reals, float]:
     """Return the Gram matrix of shared columns and residual, the sample's own part integrated out, and its ln det."""
     made = one.fit.gram
-    parts = {**sizes.of_columns(), "slow": 0.0, "fast": 0.0, "fixture": 0.0, "tau": _HALF * sizes.tau}
+    parts = {**sizes.of_columns(), "slow": 0.0, "fast": 0.0, "fixture": 0.0, "tau": HALF * sizes.tau}
     on, d = made.columns.present(parts)
     kernel = Kernel(made.columns.points, sizes.colour, sizes.rough)
     blocks = [

@@ -6,20 +6,12 @@ from dataclasses import dataclass
 from ...models.build import EffectSpec, Quantity
 from ...models.effects.base.effect import TERMINALS
 from ...models.effects.fixture_residual import EFFECT as FIXTURE_RESIDUAL
+from ..diagnosis.findings import Size
 from ..diagnosis.hypotheses.bench_effects import BenchEffect
 
 
 @dataclass(frozen=True)
-class SharedParameter:
-    """A parameter of a shared effect."""
-
-    value: float
-    u: float
-    unit: str
-
-
-@dataclass(frozen=True)
-class FixturePart(SharedParameter):
+class FixturePart(Size):
     """A part of the residual of open and short compensation."""
 
     probability: float
@@ -32,7 +24,7 @@ class SharedEffect:
 
     effect: str
     probability: float
-    parameters: Mapping[str, SharedParameter]
+    parameters: Mapping[str, Size]
     scatter: Mapping[str, float]
     """Posterior probability of each relative scatter of its size from sample to sample."""
     gain: float
@@ -68,7 +60,7 @@ class SharedBench:
     @property
     def stated(self) -> tuple[EffectSpec, ...]:
         """Everything that all samples share as a build states it."""
-        sizes: dict[str, Mapping[str, SharedParameter]] = {one.effect: one.parameters for one in self.effects}
+        sizes: dict[str, Mapping[str, Size]] = {one.effect: one.parameters for one in self.effects}
         if self.fixture:
             sizes[FIXTURE_RESIDUAL.name] = self.fixture
         return tuple(

@@ -17,13 +17,14 @@ from ...models.effects import EffectParameter
 from ...models.effects.fixture_residual import EFFECT as FIXTURE_RESIDUAL
 from ...models.effects.fixture_residual import UNITS
 from ..diagnosis.decision_rules import NAMED, ODDS, TOLERATED, WORTH
+from ..diagnosis.findings import Size
 from ..diagnosis.hypotheses.bench_effects import BenchEffect
 from ..diagnosis.hypotheses.hypothesis import coarseness
 from ..error_model import prior_scales as scales
 from ..error_model.error_sizes import GRIDS, ErrorSizes
 from ..error_model.smooth_basis import smooth
 from .sample_equations import FIXTURE, MODEL_ERRORS, Knobs, SampleEquations, unit_of
-from .shared_bench import FixturePart, SharedBench, SharedEffect, SharedParameter
+from .shared_bench import FixturePart, SharedBench, SharedEffect
 from .summed_equations import Quadratic, SummedEquations, quadratic_in, residue_at, scales_of, without_others
 
 SCATTERS = {0.0: 0.5, 0.1: 0.125, 0.3: 0.125, 1.0: 0.125, 3.0: 0.125}
@@ -379,11 +380,11 @@ def _effect(
     odds = logs / temper
     p = np.exp(odds - np.max(odds)) / np.sum(np.exp(odds - np.max(odds)))
     by_name = dict(zip(["", *(one.names[-1] for one, _ in weighed)], p.tolist(), strict=True))
-    parameters: dict[str, SharedParameter] = {}
+    parameters: dict[str, Size] = {}
     for knob in own:
         value = known[number].values[knob.name]
         unit = 1.0 if knob is own[0] else unit_of(knob, value)
-        parameters[knob.name] = SharedParameter(value, beside[f"{name} {knob.name}"][1] * unit, knob.unit)
+        parameters[knob.name] = Size(value, beside[f"{name} {knob.name}"][1] * unit, knob.unit)
     gain = next(one.log_evidence for one, _ in weighed if one.names[-1] == name) - before.log_evidence
     limit = scales.FIXTURE.get(own[0].name)
     alone, sizes = _alone(before, final, name, number, knobs)

@@ -8,10 +8,8 @@ import numpy as np
 from ...models.base.arrays import Reals
 from ..error_model import prior_scales as scales
 from ..error_model.error_sizes import ErrorSizes
-from .sample_equations import Knobs, SampleEquations
+from .sample_equations import HALF, Knobs, SampleEquations
 
-_HALF = float(np.sqrt(0.5))
-# Half of the variance of the model's own error is common to all samples.
 _Part = tuple[SampleEquations, Reals, float]
 """A sample, its Gram matrix on the keys of all, and ln det of what was integrated out."""
 
@@ -77,7 +75,7 @@ class Quadratic:
 def scales_of(total: SummedEquations, sizes: ErrorSizes, names: Sequence[str], knobs: Knobs) -> Reals:
     """Return the prior standard deviation of every shared column's coefficient; 0 for an absent one."""
     scale = {"slow": sizes.slow, "fast": sizes.fast, "fixture": sizes.fixture}
-    scale |= {"tau": _HALF * sizes.tau, "imaginary": _HALF * scales.IMAGINARY * sizes.tau}
+    scale |= {"tau": HALF * sizes.tau, "imaginary": HALF * scales.IMAGINARY * sizes.tau}
     beside = {f"{name} {knob.name}" for name in names for knob in knobs[name][1:]}
     return np.array([1.0 if key in beside else scale.get(key.partition(" ")[0], 0.0) for key in total.keys])
 

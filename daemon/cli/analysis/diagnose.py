@@ -137,9 +137,7 @@ def diagnose(
         print_diagnosis(console(), shown_diagnosis)
         print_constants(console(), shown_diagnosis)
     if build is not None and learn and diagnosis.effects:
-        append_effects(build, diagnosis.effects)
-        names = ", ".join(f"{one.effect} at {one.where}" for one in diagnosis.effects)
-        console(stderr=as_json).print(f"written to {build}: {names}; `pzctl fit` uses it", soft_wrap=True)
+        console(stderr=as_json).print(append_effects(build, diagnosis.effects), soft_wrap=True)
     if picture is None and as_json:
         return
     recorded = Path(next(sweep.name for of_step in task.sweeps.values() for sweep in of_step)).stem

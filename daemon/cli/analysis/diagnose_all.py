@@ -71,13 +71,11 @@ def _state(sample: "Sample", effects: "tuple[EffectSpec, ...]", screen: "Console
     """Write what a sample has to its build file, or print it if it has none. Raises BuildError."""
     from ...files.builds.effects_writing import append_effects, effects_text
 
-    names = ", ".join(f"{one.effect} at {one.where}" for one in effects)
     build = None if sample.job is None else sample.job.task.build
     if not effects or build is None:
         return
     if sample.build_file is not None:
-        append_effects(sample.build_file, effects)
-        screen.print(f"written to {sample.build_file}: {names}; `pzctl fit` uses it", soft_wrap=True)
+        screen.print(append_effects(sample.build_file, effects), soft_wrap=True)
     else:
         text = effects_text(effects, build)
         screen.print(f"to be added to the build file of {sample.name}:\n{text}", soft_wrap=True, markup=False)

@@ -9,8 +9,8 @@ from .build_file import parse_build
 from .build_table import BuildError
 
 
-def append_effects(path: Path, specs: tuple[EffectSpec, ...]) -> None:
-    """Append effects to a build file, without other changes to it. Raises BuildError."""
+def append_effects(path: Path, specs: tuple[EffectSpec, ...]) -> str:
+    """Append effects to a build file, without other changes to it; return a sentence on it. Raises BuildError."""
     try:
         before = path.read_text(encoding="utf-8-sig")
         build = parse_build(before, str(path))
@@ -21,6 +21,8 @@ def append_effects(path: Path, specs: tuple[EffectSpec, ...]) -> None:
         new.replace(path)
     except OSError as error:
         raise BuildError(f"{path}: the effects cannot be written: {error.strerror or error}") from None
+    names = ", ".join(f"{spec.effect} at {spec.where}" for spec in specs)
+    return f"written to {path}: {names}; `pzctl fit` uses it"
 
 
 def effects_text(specs: tuple[EffectSpec, ...], build: Build) -> str:

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from glued_recordings import NOISE, F, glued_build, recorded
 
-from pzctl.daemon.files.builds.build_file import parse_build
 from pzctl.fitters.engine.multi_step_fit import solve
-from pzctl.fitters.engine.parameters.assembly import stack_of
 from pzctl.fitters.engine.recording import rms
 from pzctl.fitters.error_model.as_stated import as_stated
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
@@ -16,62 +15,14 @@ from pzctl.fitters.error_model.marginal_fit import MarginalFit, fit
 from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build
 from pzctl.models.effects.base.corrected_constants import Corrections
-from pzctl.models.sweep import Sweep
 
-BUILD = parse_build(
-    """
-name = "glued"
-diameter_mm = 14.0
-load = { back = "air", front = "air" }
-
-[[layers]]
-name = "disk"
-kind = "piezo"
-material = "Pz27"
-thickness_mm = { value = 0.53, u = 0.001 }
-density_kg_m3 = 7700
-
-[[layers]]
-name = "glue"
-kind = "elastic"
-z_MRayl = 2.9
-c_m_s = 2550
-q = 30
-thickness_mm = { value = 0.008, u = 0.001 }
-
-[[layers]]
-name = "ml"
-kind = "elastic"
-z_MRayl = { value = 5.0, u = 0.4 }
-c_m_s = { value = 2500, u = 200 }
-q = { value = 40, u = 25 }
-thickness_mm = { value = 0.12, u = 0.001 }
-
-[[steps]]
-name = "bare"
-layers = ["disk"]
-
-[[steps]]
-name = "glued"
-layers = ["disk", "glue", "ml"]
-""",
-    "build.toml",
-)
-F = np.linspace(2e6, 13e6, 301)
+BUILD = glued_build(0.008, 0.001)
 HELD = ErrorSizes(held=1.0)
-NOISE = 2e-4
 
 
 def marginal_of(build: Build, steps: tuple[str, ...], **glue: float) -> tuple[Marginal, np.ndarray]:
     """Return the marginal fit of recordings of a device with another glue, and its least-squares minimum."""
-    rng = np.random.default_rng(0)
-    sweeps: dict[str, tuple[Sweep, ...]] = {}
-    for name in steps:
-        stack = stack_of(build, build.step(name))
-        layers = tuple(replace(one, **glue) if one.name == "glue" else one for one in stack.layers)
-        noise = NOISE * (rng.normal(size=F.size) + 1j * rng.normal(size=F.size))
-        sweeps[name] = (Sweep(F, replace(stack, layers=layers).impedance(F) * np.exp(noise)),)
-    solution = solve(FitTask(build, sweeps), lambda _: None)
+    solution = solve(FitTask(build, recorded(build, steps, **glue)), lambda _: None)
     return Marginal.of(solution.judged), solution.descent.x
 
 

@@ -1,15 +1,14 @@
 """Descents over constants and errors together: derivatives of what the model contains, and where they arrive."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from glued_recordings import glued_build, recorded
 
-from pzctl.daemon.files.builds.build_file import read_build
 from pzctl.fitters.engine.multi_step_fit import solve
 from pzctl.fitters.engine.objective import Objective
-from pzctl.fitters.engine.parameters.assembly import nominal_parameters, stack_of, without_vanished
+from pzctl.fitters.engine.parameters.assembly import nominal_parameters, without_vanished
 from pzctl.fitters.error_model.error_sizes import ErrorSizes
 from pzctl.fitters.error_model.joint_descent import JointPoint, descend
 from pzctl.fitters.error_model.marginal import Marginal
@@ -19,63 +18,13 @@ from pzctl.fitters.interface import FitTask
 from pzctl.models.build import Build
 from pzctl.models.sweep import Sweep
 
-GLUED = """
-name = "glued"
-diameter_mm = 14.0
-load = { back = "air", front = "air" }
-
-[[layers]]
-name = "disk"
-kind = "piezo"
-material = "Pz27"
-thickness_mm = { value = 0.53, u = 0.001 }
-density_kg_m3 = 7700
-
-[[layers]]
-name = "glue"
-kind = "elastic"
-z_MRayl = 2.9
-c_m_s = 2550
-q = 30
-thickness_mm = { value = 0.006, u = 0.004 }
-
-[[layers]]
-name = "ml"
-kind = "elastic"
-z_MRayl = { value = 5.0, u = 0.4 }
-c_m_s = { value = 2500, u = 200 }
-q = { value = 40, u = 25 }
-thickness_mm = { value = 0.12, u = 0.001 }
-
-[[steps]]
-name = "bare"
-layers = ["disk"]
-
-[[steps]]
-name = "glued"
-layers = ["disk", "glue", "ml"]
-"""
-F = np.linspace(2e6, 13e6, 301)
 ALL = ErrorSizes(tau=3e-4, slow=1.0, fixture=1.0, held=1.0, losses=1.0)
 
 
 @pytest.fixture
-def build(tmp_path: Path) -> Build:
+def build() -> Build:
     """Two gluing steps, whose glue has library values."""
-    (tmp_path / "build.toml").write_text(GLUED)
-    return read_build(tmp_path / "build.toml")
-
-
-def recorded(build: Build, **glue: float) -> dict[str, tuple[Sweep, ...]]:
-    """Return sweeps of a device whose glue is another one, with noise of 2e-4."""
-    rng = np.random.default_rng(0)
-    sweeps: dict[str, tuple[Sweep, ...]] = {}
-    for step in build.steps:
-        stack = stack_of(build, step)
-        layers = tuple(replace(one, **glue) if one.name == "glue" else one for one in stack.layers)
-        noise = 2e-4 * (rng.normal(size=F.size) + 1j * rng.normal(size=F.size))
-        sweeps[step.name] = (Sweep(F, replace(stack, layers=layers).impedance(F) * np.exp(noise)),)
-    return sweeps
+    return glued_build(0.006, 0.004)
 
 
 def judged(build: Build, sweeps: dict[str, tuple[Sweep, ...]]) -> Objective:
